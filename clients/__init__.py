@@ -1,0 +1,1 @@
+"""Command line and clients of the public protocol."""

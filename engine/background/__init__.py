@@ -1,0 +1,1 @@
+"""The probable background surface (paper section 3.3)."""

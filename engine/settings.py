@@ -1,0 +1,55 @@
+"""Every knob of the engine in one frozen object, and the presets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+__all__ = ["QUALITIES", "Settings"]
+
+QUALITIES = ("fast", "balanced", "best")
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How to render and how to model the background. The paper's names are in brackets.
+
+    Lengths in metres, pixels where a name ends in _px. A tolerance of None follows from the scene.
+    """
+
+    n_render: int = 5  # views warped a picture (n_rv^render)
+    n_init: int = 6  # views that build the S-PBS (n_rv^init)
+    n_update: int = 1  # views that update the P-PBS a frame (n_rv^update)
+    background: bool = True  # keep and render the background model
+    fill: bool = True  # fill what is left
+    tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles a pixel
+    max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two
+    delta_m: float | None = None  # culling tolerance (delta); the paper's is 0.2
+    culling_stride: int = 4  # pixels between culling rays; 1: two rays a pixel (section 3.3.2)
+    pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
+    blend: int = 3  # how many of the rendered views may contribute to a pixel's colour
+    fill_radius_px: int = 64  # how far disocclusion filling looks
+    jpeg_quality: int = 90
+
+    def __post_init__(self) -> None:
+        for name in ("n_render", "n_init", "n_update", "culling_stride", "blend"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 1")
+        if self.tolerance_px < 0:
+            raise ValueError(f"tolerance_px: {self.tolerance_px!r}: expected at least 0")
+        if self.delta_m is not None and self.delta_m < 0:
+            raise ValueError(f"delta_m: {self.delta_m!r}: expected at least 0")
+        block = self.max_block_px
+        if block < 1 or block & (block - 1):
+            raise ValueError(f"max_block_px: {block!r}: expected a power of two")
+
+    @classmethod
+    def preset(cls, quality: str = "balanced", **changes: object) -> Settings:
+        """The settings of a quality (fast, balanced, best), with changes on top."""
+        presets = {
+            "fast": cls(tolerance_px=0.5, blend=1, culling_stride=8, pbi_scale=0.5, jpeg_quality=80),
+            "balanced": cls(),
+            "best": cls(tolerance_px=0.1, blend=5, culling_stride=2),
+        }
+        if quality not in presets:
+            raise ValueError(f"quality: {quality!r}: expected one of {', '.join(QUALITIES)}")
+        return replace(presets[quality], **changes)  # type: ignore[arg-type]

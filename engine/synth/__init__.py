@@ -1,0 +1,1 @@
+"""Twins of the test sequences: ray-traced, with ground truth."""

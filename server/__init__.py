@@ -1,0 +1,1 @@
+"""FastAPI and WebSocket glue over the live engine."""
