@@ -1,0 +1,82 @@
+"""Triangle meshes of views, bounded in error (paper Fig. 4; the bound is ours)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from . import threads as _threads  # noqa: F401 (Numba's threading layer, before the first parallel kernel)
+from .camera import Camera, Equirectangular
+from .kernels import triangulate as kernels
+from .mesh import Mesh
+
+__all__ = ["TriangulationOptions", "triangulate"]
+
+# A coarse code cannot be followed closer than to its own rounding, on both ends of a triangle's side.
+_ROUNDING_CODES = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class TriangulationOptions:
+    """Bounds of a triangulation; disparities in 1/m.
+
+    tolerance: largest distance between a pixel's disparity and its triangle; 0 gives two triangles a quad.
+    edge: disparity step between neighbouring pixels that is a depth edge unless the slope on a side explains it.
+    max_block: longest leg of a triangle in pixels, a power of two.
+    extend_edges: pixels at depth edges keep their full square instead of ending at their centre.
+    """
+
+    tolerance: float
+    edge: float
+    max_block: int = 32
+    extend_edges: bool = True
+
+
+def triangulate(
+    camera: Camera,
+    codes: npt.NDArray[np.uint16],
+    options: TriangulationOptions,
+    *,
+    origin: npt.ArrayLike = (0.0, 0.0, 0.0),
+    keep: npt.NDArray[np.uint8] | None = None,
+) -> Mesh:
+    """Triangulate a view's depth codes [h, w].
+
+    Where `keep` (uint8 [h, w]) is given, only triangles with at least one kept pixel are made (section 3.3.3)
+    and no merged triangle spans kept and other pixels. Points are relative to `origin`, metres.
+    """
+    h, w = codes.shape
+    if (h, w) != (camera.height, camera.width):
+        raise ValueError(f"codes: shape {codes.shape}: expected {(camera.height, camera.width)}")
+    coding, wraps = camera.depth, isinstance(camera.projection, Equirectangular) and camera.projection.wraps
+    flags = np.empty((h, w), np.uint8)
+    mask = np.zeros((1, 1), np.uint8) if keep is None else keep
+    kernels.mark_broken(
+        codes, mask, keep is not None, coding.has_invalid, options.edge / coding.step, wraps, flags
+    )
+    if options.tolerance > 0:
+        block, tolerance = options.max_block, max(options.tolerance / coding.step, _ROUNDING_CODES)
+    else:
+        block, tolerance = 2, -1.0
+    rows, columns = math.ceil((h - 1) / block), math.ceil((w - (not wraps)) / block)
+    error = np.zeros((rows * block + 1, columns * block + 1), np.float32)
+    if tolerance > 0:
+        kernels.split_errors(codes, flags, block, wraps, error)
+    counts = np.empty((rows * columns, 2), np.int64)
+    kernels.count_block_triangles(flags, error, tolerance, block, wraps, options.extend_edges, counts)
+    starts = np.zeros((rows * columns + 1, 2), np.int64)
+    np.cumsum(counts, axis=0, out=starts[1:])
+    vertices = np.empty((starts[-1, 0], 6), np.int32)
+    triangles = np.empty((starts[-1, 1], 3), np.int32)
+    kernels.emit_block_triangles(
+        flags, error, tolerance, block, wraps, options.extend_edges, starts, vertices, triangles
+    )
+    points = np.empty((len(vertices), 3), np.float32)
+    uv = np.empty((len(vertices), 2), np.float32)
+    kernels.unproject_vertices(
+        codes, camera.packed(origin), coding.offset, coding.step, coding.min_code, vertices, points, uv
+    )
+    return Mesh(points, uv, triangles)
