@@ -10,6 +10,7 @@ from .camera import Camera
 from .pose_trace import read_poses
 from .tmiv import depth_path, find_video, texture_path
 from .tmiv_json import Description, TmivError, find_json, parse_json
+from .yuv import PIXEL_FORMATS, RawVideo
 
 __all__ = ["check_sequence"]
 
@@ -26,6 +27,8 @@ def check_sequence(path: Path | str) -> list[str]:
     for name in dict.fromkeys(description.source_names):
         if name in description.cameras:
             problems += _check_files(file.parent, description.cameras[name], counts)
+        else:  # the JSON's entry could not be read: take the files by their names
+            problems += _check_files_alone(file.parent, name, counts)
     problems += _check_counts(description, counts)
     problems += _check_poses(file.parent, description, max(counts.values(), default=0))
     return problems
@@ -46,13 +49,32 @@ def _check_files(folder: Path, camera: Camera, counts: dict[str, int]) -> list[s
         counts[video.path.name] = video.frame_count
         if video.format.bits != bits:
             problems.append(f"{video.path.name}: {video.format.bits} bits: expected {bits}, the JSON's {key}")
-        if video.extra_bytes or not video.frame_count:
-            size = video.frame_count * video.frame_bytes + video.extra_bytes
-            problems.append(
-                f"{video.path.name}: {size} bytes: expected a multiple of {video.frame_bytes}, a frame "
-                f"({video.frame_count} whole frames, the last one truncated at {video.extra_bytes} bytes)"
-            )
+        problems += _check_size(video)
     return problems
+
+
+def _check_files_alone(folder: Path, name: str, counts: dict[str, int]) -> list[str]:
+    problems = []
+    pattern = re.compile(re.escape(name) + rf"_(texture|depth)_(\d+)x(\d+)_({PIXEL_FORMATS})\.yuv")
+    matches = [match for path in sorted(folder.iterdir()) if (match := pattern.fullmatch(path.name))]
+    for match in matches:
+        if int(match[2]) and int(match[3]):
+            video = RawVideo(folder / match[0], int(match[2]), int(match[3]), match[4])
+            counts[match[0]] = video.frame_count
+            problems += _check_size(video)
+    found = {match[1] for match in matches}
+    missing = [kind for kind in ("texture", "depth") if kind not in found]
+    return problems + [f"camera {name}: {kind}: missing" for kind in missing]
+
+
+def _check_size(video: RawVideo) -> list[str]:
+    if video.frame_count and not video.extra_bytes:
+        return []
+    size = video.frame_count * video.frame_bytes + video.extra_bytes
+    return [
+        f"{video.path.name}: {size} bytes: expected a multiple of {video.frame_bytes}, a frame "
+        f"({video.frame_count} whole frames, the last one truncated at {video.extra_bytes} bytes)"
+    ]
 
 
 def _misnamed(folder: Path, camera: Camera, kind: str) -> list[str]:

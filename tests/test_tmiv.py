@@ -312,6 +312,18 @@ def test_check_names_wrong_resolution_and_counts(tmp_path: Path) -> None:
     assert any("v1" in line and "2 frames" in line for line in problems), problems
 
 
+def test_check_looks_at_the_files_of_a_camera_it_cannot_read(tmp_path: Path) -> None:
+    folder = write(tmp_path / "S")
+    edit(folder, v0__Depth_range=[3, 3])
+    texture = folder / "v0_texture_10x6_yuv420p10le.yuv"
+    texture.write_bytes(texture.read_bytes()[:-1])
+    (folder / "v0_depth_10x6_yuv420p16le.yuv").unlink()
+    problems = check_sequence(folder)
+    assert len(problems) == 4
+    expected = ("expected 0 < near < far", "539 bytes", "v0: depth: missing", "2 frames")
+    assert all(part in line for line, part in zip(problems, expected, strict=True)), problems
+
+
 def test_writer_refuses(tmp_path: Path) -> None:
     rig = cameras()
     with pytest.raises(ValueError, match="source_names: 'v8'"):

@@ -1,0 +1,69 @@
+"""`farside info`: what a sequence holds, and what is wrong with it."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from farside.engine.camera import Camera, Perspective
+from farside.engine.tmiv import find_video
+from farside.engine.tmiv_check import check_sequence
+from farside.engine.tmiv_json import Description, TmivError, find_json, parse_json
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+__all__ = ["command"]
+
+
+def command(
+    sequence: Annotated[Path, typer.Argument(metavar="SEQ", help="The sequence's folder, or its JSON.")],
+) -> None:
+    """List what a sequence holds and what is wrong with it; the exit code is 2 where anything is."""
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    problems = check_sequence(sequence)
+    try:
+        file = find_json(sequence)
+        description, _ = parse_json(file.read_text("utf-8"), file.stem)
+        _show(console, description, file.parent)
+    except (TmivError, OSError, UnicodeDecodeError):
+        pass  # is among the problems
+    for line in problems:
+        console.print(f"[red]problem[/] {escape(line)}", soft_wrap=True, highlight=False)
+    if problems:
+        raise typer.Exit(2)
+    console.print("no problems found")
+
+
+def _show(console: Console, description: Description, folder: Path) -> None:
+    sources = description.source_names
+    table = Table(title=f"{escape(description.name)}: {len(sources)} source views, {description.fps:g} fps")
+    for title in ("camera", "role", "size", "projection", "depth, m", "texture", "depth codes", "frames"):
+        table.add_column(title, justify="right" if title == "frames" else "left", no_wrap=True)
+    for name, camera in description.cameras.items():
+        role = "source" if name in sources else "virtual"
+        role += ", moving" if name in description.pose_files else ""
+        table.add_row(escape(name), role, *_row(camera, folder))
+    console.print(table)
+
+
+def _row(camera: Camera, folder: Path) -> list[str]:
+    p, d = camera.projection, camera.depth
+    if isinstance(p, Perspective):
+        projection = f"perspective, focal {p.fx:.6g} {p.fy:.6g}"
+    else:
+        spans = [round(math.degrees(high - low), 3) for low, high in (p.hor_range, p.ver_range)]
+        projection = f"equirectangular, {spans[0]:g} x {spans[1]:g}°"
+    texture, depth = find_video(folder, camera, "texture"), find_video(folder, camera, "depth")
+    counts = sorted({video.frame_count for video in (texture, depth) if video})
+    return [
+        f"{p.width}x{p.height}",
+        projection,
+        f"{d.near:g} to {d.far:g}{', holes' if d.has_invalid else ''}",
+        texture.format.name if texture else "-",
+        depth.format.name if depth else "-",
+        "/".join(map(str, counts)) or "-",
+    ]
