@@ -6,24 +6,35 @@ as a global would keep Numba from caching the kernels.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numba
+import numpy as np
+import numpy.typing as npt
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from .project import unproject_point
+
 __all__ = [
     "INVALID_ID",
-    "as_pointer",
+    "distance_to_exit",
+    "farthest_hit",
     "intersect1",
+    "load_f32",
     "load_i64",
+    "load_u16",
     "load_u32",
     "mark_and_pass",
     "or_u64",
+    "outside_ray",
     "skip_invalid",
 ]
+
+F64 = npt.NDArray[np.float64]
 
 INVALID_ID = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID
 
@@ -31,16 +42,6 @@ _I8, _I32, _I64, _F32 = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.FloatT
 # RTCRayHit of Embree 4: ray (48 bytes) then hit (Ng, u, v, primID, geomID, instID[1], instPrimID[1], padding).
 _RAY_HIT_WORDS, _TFAR, _MASK = 24, 8, 9
 _U, _V, _PRIM_ID, _GEOM_ID, _INST_ID, _INST_PRIM_ID = 15, 16, 17, 18, 19, 20
-
-
-@intrinsic
-def as_pointer(typing: Any, address: Any) -> Any:
-    """Address -> void pointer, for numba.carray."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
-
-    return types.voidptr(types.int64), codegen
 
 
 def _loader(numba_type: Any, llvm_type: Any) -> Any:
@@ -54,11 +55,11 @@ def _loader(numba_type: Any, llvm_type: Any) -> Any:
     return load
 
 
-_load_u8, load_u32, load_i64 = (
-    _loader(types.uint8, _I8),
-    _loader(types.uint32, _I32),
-    _loader(types.int64, _I64),
-)
+_load_u8 = _loader(types.uint8, _I8)
+load_u16 = _loader(types.uint16, ir.IntType(16))
+load_u32 = _loader(types.uint32, _I32)
+load_i64 = _loader(types.int64, _I64)
+load_f32 = _loader(types.float32, _F32)
 
 
 @intrinsic
@@ -160,3 +161,55 @@ def mark_and_pass(arguments: int) -> None:
     address = load_i64(entry) + primitive * load_i64(entry + 8) + load_i64(context + 24)
     or_u64(address, numba.uint64(load_i64(context + 32)))
     _store_i32(load_i64(arguments), numba.int32(0))
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def distance_to_exit(
+    bounds: F64, x: float, y: float, z: float, dx: float, dy: float, dz: float
+) -> float:
+    """How far a ray goes until it has left a box [2, 3] for good; negative where it never meets it again."""
+    far = math.inf
+    for axis, start, step in ((0, x, dx), (1, y, dy), (2, z, dz)):
+        if step > 0.0:
+            far = min(far, (bounds[1, axis] - start) / step)
+        elif step < 0.0:
+            far = min(far, (bounds[0, axis] - start) / step)
+    return far
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def outside_ray(
+    camera: F64, bounds: F64, u: float, v: float
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """The ray from outside the scene's bounds toward a camera, through (u, v) of its picture.
+
+    Origin (3), unit direction (3), distance to the camera (<= 0: the ray misses the scene), and the distance from the
+    camera that a depth of 1 makes.
+    """
+    x, y, z = unproject_point(camera, u, v, 1.0)
+    dx, dy, dz = x - camera[16], y - camera[17], z - camera[18]
+    length = math.sqrt(dx * dx + dy * dy + dz * dz)
+    dx, dy, dz = dx / length, dy / length, dz / length
+    far = distance_to_exit(bounds, camera[16], camera[17], camera[18], dx, dy, dz)
+    return (
+        camera[16] + far * dx, camera[17] + far * dy, camera[18] + far * dz,
+        -dx, -dy, -dz, far, length,
+    )  # fmt: skip
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def farthest_hit(
+    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float
+) -> tuple[float, float, float, int, int, float]:
+    """What lies farthest behind (u, v) of a camera: distance from the camera, barycentric u and v, geometry,
+    primitive, and the distance that a depth of 1 makes. The distance is negative where nothing is hit."""
+    x, y, z, dx, dy, dz, far, length = outside_ray(camera, bounds, u, v)
+    if not far > 0.0:
+        return -1.0, 0.0, 0.0, -1, -1, length
+    t, hu, hv, geometry, primitive = intersect1(
+        function, scene, 0, np.float32(x), np.float32(y), np.float32(z),
+        np.float32(dx), np.float32(dy), np.float32(dz), np.float32(0.0), np.float32(far),
+    )  # fmt: skip
+    if geometry == INVALID_ID:
+        return -1.0, 0.0, 0.0, -1, -1, length
+    return far - t, hu, hv, numba.int64(geometry), numba.int64(primitive), length

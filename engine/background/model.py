@@ -1,0 +1,261 @@
+"""The progressive 3D background model (section 3.3): what the back end keeps of everything seen up to now."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..camera import Camera, Equirectangular
+from ..export_mesh import ColouredMesh, srgb_from_ycbcr
+from ..frame import Frame, Texture, View
+from ..kernels.background_image import render_background, sample_colours
+from ..kernels.progressive import accept_candidates, clear_culled, inherit_marks, paint_triangles
+from ..mesh import Mesh
+from ..pbi import BackgroundImage
+from ..scene import Scene
+from ..settings import Settings
+from ..triangulation import triangulate
+from .coverage import choose_views, farther_pixels
+from .culling import cull_unmarked, mark_background
+from .maximum_depth import MaximumDepthImage, coding_row
+from .pbs import ProbableBackgroundSurface, Surface
+from .tolerances import Tolerances, scene_tolerances
+
+__all__ = ["BackgroundModel", "UpdateReport"]
+
+
+@dataclass(slots=True)
+class UpdateReport:
+    """What one frame did to the model. Pixels: updated, candidates, accepted; triangles: culled, s_pbs, p_pbs."""
+
+    frame_index: int
+    group: tuple[str, ...]  # cameras whose part of the P-PBS had its turn
+    updated: int = 0
+    candidates: int = 0
+    accepted: int = 0
+    rays: int = 0
+    culled: int = 0
+    s_pbs: int = 0
+    s_pbs_valid: int = 0
+    p_pbs: int = 0
+    stages: dict[str, float] = dataclasses.field(default_factory=dict)  # milliseconds
+
+
+class BackgroundModel:
+    """S-PBS from the first frame, P-PBS from what later frames uncover; rendered as probable background images.
+
+    `update` and `render_pbi` are called by one thread at a time; `mesh` may be called by any other. Cameras must
+    not move: ValueError. A frame is checked before anything is changed.
+    """
+
+    def __init__(self, cameras: Sequence[Camera], settings: Settings, scene: Scene) -> None:
+        self.cameras = tuple(cameras)
+        self.settings = settings
+        self._origin = np.asarray(scene.origin, np.float64)
+        self._packed = [camera.packed(self._origin) for camera in self.cameras]
+        self._options = [scene.triangulation(camera, settings) for camera in self.cameras]
+        self._pbs = ProbableBackgroundSurface(len(self.cameras))
+        self._images: list[MaximumDepthImage] = []
+        self._image_table = np.zeros((len(self.cameras), 8), np.int64)
+        self._tolerances = Tolerances(0.0, 0.0)
+        self._scratch: dict[tuple[int, ...], npt.NDArray[np.int32]] = {}
+        self._cast_version = [-1] * len(self.cameras)  # the PBS' version at each camera's last culling rays
+        self._next = 0
+        self._lock = threading.Lock()  # held while surfaces are replaced or flagged, and while they are listed
+
+    @property
+    def delta(self) -> float:
+        """The culling tolerance in metres, as set or as it followed from the first frame."""
+        return self._tolerances.delta_m
+
+    def counts(self) -> dict[str, int]:
+        """Triangles: s_pbs (all of the S-PBS), s_pbs_valid (those not culled), p_pbs (valid ones)."""
+        with self._lock:
+            static, progressive = list(self._pbs.static.values()), list(self._pbs.progressive.values())
+        return {
+            "s_pbs": sum(len(surface.invalid) for surface in static),
+            "s_pbs_valid": sum(surface.valid_count for surface in static),
+            "p_pbs": sum(surface.valid_count for surface in progressive),
+        }
+
+    def update(self, frame: Frame) -> UpdateReport:
+        """Takes in the next frame: the first builds the S-PBS, each later one gives a group of cameras its turn."""
+        self._check(frame)
+        if not self._images:
+            report = self._initialise(frame)
+        else:
+            report = self._progress(frame)
+        for name, count in self.counts().items():
+            setattr(report, name, count)
+        return report
+
+    def _check(self, frame: Frame) -> None:
+        names = tuple(view.camera.name for view in frame.views)
+        if names != tuple(camera.name for camera in self.cameras):
+            raise ValueError(f"frame {frame.index}: views {names}: expected one of each camera, in order")
+        for view, camera in zip(frame.views, self.cameras, strict=True):
+            if view.camera.pose != camera.pose:
+                raise ValueError(
+                    f"frame {frame.index}: view {camera.name}: pose {view.camera.pose}: expected a fixed camera"
+                )
+
+    # The first frame (section 3.3.2)
+
+    def _initialise(self, frame: Frame) -> UpdateReport:
+        report = UpdateReport(frame.index, tuple(camera.name for camera in self.cameras))
+        self._tolerances = scene_tolerances(frame.views, self.settings)
+        with _timed(report, "maximum_depth"):
+            self._images = [MaximumDepthImage(view) for view in frame.views]
+            for c, image in enumerate(self._images):
+                self._image_table[c] = image.table_row(self._options[c].edge)
+        with _timed(report, "triangulate"):
+            self._build_static(frame.views)
+        with _timed(report, "commit"):
+            self._pbs.commit()
+        with _timed(report, "culling"):
+            report.rays = sum(self._mark(c) for c in range(len(self.cameras)))
+            report.culled = self._cull()
+        with _timed(report, "commit"), self._lock:
+            self._pbs.compact_static()
+            self._pbs.commit()
+        self._cast_version = [self._pbs.version] * len(self.cameras)
+        return report
+
+    def _build_static(self, views: Sequence[View]) -> None:
+        earlier: list[View] = []
+        for c in choose_views(views, self.settings.n_init):
+            keep = farther_pixels(views[c], earlier, self.delta, self._origin) if earlier else None
+            mesh = triangulate(views[c].camera, views[c].codes, self._options[c], origin=self._origin, keep=keep)
+            with self._lock:
+                self._pbs.set_static(c, mesh)
+            earlier.append(views[c])
+
+    # Every later frame (section 3.3.3)
+
+    def _progress(self, frame: Frame) -> UpdateReport:
+        size = min(self.settings.n_update, len(self.cameras))
+        group = [(self._next + i) % len(self.cameras) for i in range(size)]
+        self._next = (self._next + size) % len(self.cameras)
+        report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
+        with _timed(report, "maximum_depth"):
+            for image, view in zip(self._images, frame.views, strict=True):
+                report.updated += image.update(view, self._tolerances)
+        for c in group:
+            self._take_turn(c, report)
+        with _timed(report, "commit"):
+            self._pbs.commit()
+        with _timed(report, "culling"):
+            # Where no geometry has changed since a camera's last rays, they would find the same again.
+            stale = [c for c in group if self._cast_version[c] != self._pbs.version]
+            report.rays += sum(self._mark(c) for c in stale)
+            report.culled = self._cull() if stale else 0
+        return report
+
+    def _take_turn(self, c: int, report: UpdateReport) -> None:
+        """Filters what was uncovered since the camera's last turn, and derives its part of the P-PBS anew."""
+        image, before = self._images[c], self._pbs.progressive.get(c)
+        culled = before is not None and before.valid_count < len(before.invalid)
+        if not (image.pending or culled):
+            return
+        with _timed(report, "filter"):
+            numbers = self._paint(image, before)
+            if culled:
+                clear_culled(numbers, image.kept)
+            candidates, accepted, changed = self._filter(c)
+            report.candidates += candidates
+            report.accepted += accepted
+            report.rays += candidates - changed
+        if accepted or changed or culled:
+            with _timed(report, "triangulate"):
+                self._derive(c, before, numbers)
+
+    def _paint(self, image: MaximumDepthImage, before: Surface | None) -> npt.NDArray[np.int32]:  # [h, w]
+        """Which valid triangle of a camera's part of the P-PBS covers each pixel, -1 where none does."""
+        shape = image.codes.shape
+        if shape not in self._scratch:
+            self._scratch[shape] = np.empty(shape, np.int32)
+        numbers = self._scratch[shape]
+        numbers.fill(-1)
+        if before is not None:
+            projection = image.camera.projection
+            wraps = isinstance(projection, Equirectangular) and projection.wraps
+            paint_triangles(before.mesh.uv, before.mesh.triangles, before.invalid, wraps, numbers)
+        return numbers
+
+    def _filter(self, c: int) -> tuple[int, int, int]:
+        """Accepts candidates into the P-PBS: their number, the accepted ones, and kept ones that have changed."""
+        image = self._images[c]
+        counts = np.zeros((image.codes.shape[0], 3), np.int64)
+        accept_candidates(
+            self._pbs.intersect, self._pbs.scene, self._packed[c], self._pbs.bounds, coding_row(image.camera),
+            image.codes, image.updated, image.kept, self.delta, counts,
+        )  # fmt: skip
+        image.pending = 0
+        candidates, accepted, changed = (int(n) for n in counts.sum(axis=0))
+        return candidates, accepted, changed
+
+    def _derive(self, c: int, before: Surface | None, numbers: npt.NDArray[np.int32]) -> None:
+        """Triangulates the kept pixels; what was there before keeps its marks."""
+        image = self._images[c]
+        mesh = triangulate(image.camera, image.codes, self._options[c], origin=self._origin, keep=image.kept)
+        with self._lock:
+            surface = self._pbs.set_progressive(c, mesh)
+        if before is not None:
+            inherit_marks(mesh.uv, mesh.triangles, numbers, before.marks, surface.marks)
+
+    def _mark(self, c: int) -> int:
+        self._cast_version[c] = self._pbs.version
+        return mark_background(self._pbs, c, self._packed[c], self.settings.culling_stride, self.delta)
+
+    def _cull(self) -> int:
+        with self._lock:
+            return cull_unmarked(self._pbs)
+
+    # What is made of it
+
+    def render_pbi(self, camera: Camera) -> BackgroundImage:
+        """The farthest surfaces seen from a camera (its depth coding must have invalid codes), section 3.4.1."""
+        if not camera.depth.has_invalid:
+            raise ValueError(f"camera {camera.name}: depth coding {camera.depth}: expected one with invalid codes")
+        h, w = camera.height, camera.width
+        chroma = ((h + 1) // 2, (w + 1) // 2)
+        texture = Texture(*(np.empty(shape, np.uint16) for shape in ((h, w), chroma, chroma)))
+        codes = np.empty((h, w), np.uint16)
+        render_background(
+            self._pbs.intersect, self._pbs.scene, camera.packed(self._origin), self._pbs.bounds,
+            coding_row(camera), camera.depth.max_code, self._pbs.surface_table, self._image_table,
+            codes, texture.y, texture.cb, texture.cr,
+        )  # fmt: skip
+        return BackgroundImage(View(camera, texture, codes))
+
+    def mesh(self) -> ColouredMesh:
+        """The valid triangles with the colours of the maximum depth images; copies, made at any time."""
+        with self._lock:
+            parts = [
+                (c, surface.mesh, surface.invalid == 0)
+                for part in (self._pbs.static, self._pbs.progressive)
+                for c, surface in part.items()
+            ]
+        return ColouredMesh.joined([self._coloured(*part) for part in parts])
+
+    def _coloured(self, c: int, mesh: Mesh, valid: npt.NDArray[np.bool_]) -> ColouredMesh:
+        ycbcr = np.empty((len(mesh.uv), 3), np.float32)
+        sample_colours(self._image_table[c], mesh.uv, ycbcr)
+        return ColouredMesh(mesh.points + self._origin, mesh.triangles[valid], srgb_from_ycbcr(ycbcr))
+
+
+@contextmanager
+def _timed(report: UpdateReport, stage: str) -> Iterator[None]:
+    """Adds the block's milliseconds to a stage of the report."""
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        report.stages[stage] = report.stages.get(stage, 0.0) + 1e3 * (time.perf_counter() - start)

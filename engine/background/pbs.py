@@ -1,0 +1,102 @@
+"""The probable background surface: a static and a progressive part, in one ray tracing scene (section 3.3.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..embree import Scene, intersect_address
+from ..mesh import Mesh
+
+__all__ = ["ProbableBackgroundSurface", "Surface"]
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """A camera's triangles in the S-PBS or in the P-PBS.
+
+    marks uint64 [m, words]: bit c of a triangle's words is set where camera c's last rays found it to be
+    background. invalid uint8 [m]: no camera did; rays pass through.
+    """
+
+    mesh: Mesh
+    marks: npt.NDArray[np.uint64]
+    invalid: npt.NDArray[np.uint8]
+
+    @property
+    def valid_count(self) -> int:
+        """Triangles that are there."""
+        return len(self.invalid) - int(np.count_nonzero(self.invalid))
+
+
+class ProbableBackgroundSurface:
+    """S-PBS and P-PBS, per camera at most one surface in each; each surface is a geometry of one scene.
+
+    The S-PBS' triangles are only ever flagged as invalid; a camera's surface in the P-PBS is replaced whole.
+    """
+
+    def __init__(self, camera_count: int) -> None:
+        self.words = (camera_count + 63) // 64
+        self.version = 0  # counts changes of geometry
+        self.static: dict[int, Surface] = {}
+        self.progressive: dict[int, Surface] = {}
+        self._camera_count = camera_count
+        self._scene = Scene()
+        # Tables that kernels read: addresses of marks and their stride; of triangles and uv, and the camera.
+        self.marks_table = np.zeros((2 * camera_count, 2), np.int64)
+        self.surface_table = np.zeros((2 * camera_count, 3), np.int64)
+        self.intersect = intersect_address()
+        self.bounds = np.zeros((2, 3))
+
+    @property
+    def scene(self) -> int:
+        """The ray tracing scene, as kernels take it."""
+        return self._scene.address
+
+    def set_static(self, camera: int, mesh: Mesh) -> None:
+        """A camera's part of the S-PBS, without marks."""
+        self.static[camera] = self._put(self._camera_count + camera, camera, mesh, fast_build=False)
+
+    def set_progressive(self, camera: int, mesh: Mesh) -> Surface:
+        """Replaces a camera's part of the P-PBS, without marks."""
+        self.progressive[camera] = self._put(camera, camera, mesh, fast_build=True)
+        return self.progressive[camera]
+
+    def compact_static(self) -> None:
+        """Drops the invalid triangles of the S-PBS; marks stay. Counts after `commit`."""
+        for camera, surface in list(self.static.items()):
+            valid = surface.invalid == 0
+            self.set_static(camera, Mesh(surface.mesh.points, surface.mesh.uv, surface.mesh.triangles[valid]))
+            self.static[camera].marks[:] = surface.marks[valid]
+
+    def commit(self) -> None:
+        """Makes changes of geometry count."""
+        self._scene.commit()
+        bounds = self._scene.bounds()
+        # Rays start on the bounds: a little room keeps them from starting on, or behind, a surface.
+        room = 1e-3 * max(float(np.max(bounds[1] - bounds[0])), 1e-3)
+        self.bounds = bounds + np.array([[-room], [room]])
+
+    def surfaces(self) -> Iterator[Surface]:
+        """All surfaces of the S-PBS, then of the P-PBS."""
+        yield from self.static.values()
+        yield from self.progressive.values()
+
+    def surfaces_of(self, camera: int) -> Iterator[Surface]:
+        """The surfaces that stem from a camera."""
+        for part in (self.static, self.progressive):
+            if camera in part:
+                yield part[camera]
+
+    def _put(self, geometry: int, camera: int, mesh: Mesh, *, fast_build: bool) -> Surface:
+        count = len(mesh.triangles)
+        mesh = Mesh(mesh.points, np.ascontiguousarray(mesh.uv), np.ascontiguousarray(mesh.triangles))
+        surface = Surface(mesh, np.zeros((count, self.words), np.uint64), np.zeros(count, np.uint8))
+        self._scene.set(geometry, mesh.points, mesh.triangles, surface.invalid, fast_build=fast_build)
+        self.marks_table[geometry] = surface.marks.ctypes.data, 8 * self.words
+        self.surface_table[geometry] = mesh.triangles.ctypes.data, mesh.uv.ctypes.data, camera
+        self.version += 1
+        return surface

@@ -1,0 +1,57 @@
+"""Meshes with vertex colours as files: GLB and PLY."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import trimesh
+
+__all__ = ["ColouredMesh", "srgb_from_ycbcr", "to_glb", "to_ply"]
+
+
+@dataclass(frozen=True, slots=True)
+class ColouredMesh:
+    """vertices float64 [n, 3], world metres in OMAF axes; triangles int32 [m, 3]; colours uint8 [n, 3], sRGB."""
+
+    vertices: npt.NDArray[np.float64]
+    triangles: npt.NDArray[np.int32]
+    colours: npt.NDArray[np.uint8]
+
+    @classmethod
+    def joined(cls, parts: list[ColouredMesh]) -> ColouredMesh:
+        """One mesh of several, without the vertices that no triangle uses."""
+        starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        triangles = np.concatenate(
+            [np.empty((0, 3), np.int64), *(part.triangles + start for part, start in zip(parts, starts, strict=False))]
+        )
+        used, renumbered = np.unique(triangles, return_inverse=True)
+        vertices = np.concatenate([np.empty((0, 3)), *(part.vertices for part in parts)])
+        colours = np.concatenate([np.empty((0, 3), np.uint8), *(part.colours for part in parts)])
+        return cls(vertices[used], renumbered.reshape(-1, 3).astype(np.int32), colours[used])
+
+
+def srgb_from_ycbcr(ycbcr: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
+    """Y'CbCr [n, 3], BT.709 limited range in 10-bit codes -> R'G'B' uint8 [n, 3]."""
+    y = (ycbcr[:, 0] - 64.0) / 876.0
+    cb, cr = (ycbcr[:, 1] - 512.0) / 896.0, (ycbcr[:, 2] - 512.0) / 896.0
+    rgb = np.stack([y + 1.5748 * cr, y - 0.1873 * cb - 0.4681 * cr, y + 1.8556 * cb], axis=-1)
+    return np.rint(np.clip(rgb, 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def to_glb(mesh: ColouredMesh) -> bytes:
+    """glTF binary; metres, glTF's axes (x right, y up, -z forward)."""
+    x, y, z = mesh.vertices.T
+    data: bytes = _trimesh(mesh, np.stack([-y, z, -x], axis=-1)).export(file_type="glb")
+    return data
+
+
+def to_ply(mesh: ColouredMesh) -> bytes:
+    """Binary PLY; metres, the world's axes (x forward, y left, z up)."""
+    data: bytes = _trimesh(mesh, mesh.vertices).export(file_type="ply")
+    return data
+
+
+def _trimesh(mesh: ColouredMesh, vertices: npt.NDArray[np.float64]) -> trimesh.Trimesh:
+    return trimesh.Trimesh(vertices, mesh.triangles, vertex_colors=mesh.colours, process=False, validate=False)
