@@ -22,6 +22,9 @@ class Settings:
     background: bool = True  # keep and render the background model
     fill: bool = True  # fill what is left
     tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles a pixel
+    edge_px: float = 4.0  # disparity step between neighbours that is a depth edge, reprojected pixels
+    extend_edges: bool = False  # pixels at depth edges keep their full square
+    baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
     max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two
     delta_m: float | None = None  # culling tolerance (delta); the paper's is 0.2
     culling_stride: int = 4  # pixels between culling rays; 1: two rays a pixel (section 3.3.2)

@@ -1,0 +1,157 @@
+"""`farside render`: virtual cameras or a head-pose trace, rendered from a sequence."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+from farside.engine.camera import Camera, Perspective
+from farside.engine.pose_trace import read_pose_trace
+from farside.engine.render import (
+    PictureWriter,
+    RenderJob,
+    Renderer,
+    Targets,
+    camera_target,
+    stereo_target,
+    summary,
+)
+from farside.engine.settings import Settings
+from farside.engine.stereo import StereoView
+from farside.engine.tmiv import Sequence, open_sequence
+
+__all__ = ["command"]
+
+
+def command(
+    sequence: Annotated[Path, typer.Argument(metavar="SEQ", help="Folder of a TMIV sequence.")],
+    out: Annotated[Path, typer.Option(help="Folder for the pictures.")],
+    camera: Annotated[list[str] | None, typer.Option(help="A virtual camera of the sequence.")] = None,
+    pose_trace: Annotated[Path | None, typer.Option(help="CSV of head poses.")] = None,
+    stereo: Annotated[bool, typer.Option(help="Render both eyes of the pose trace.")] = False,
+    ipd: Annotated[float, typer.Option(help="Interpupillary distance, metres.")] = 0.063,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Picture size of the pose trace.")] = None,
+    fov: Annotated[float | None, typer.Option(help="Horizontal field of view, degrees.")] = None,
+    frames: Annotated[str | None, typer.Option(metavar="A:B", help="Output frames A to B - 1.")] = None,
+    sources: Annotated[str | None, typer.Option(metavar="v0,v3,...", help="Use only these views.")] = None,
+    views: Annotated[int | None, typer.Option(help="Views warped a picture.")] = None,
+    init: Annotated[int | None, typer.Option(help="Views that build the S-PBS.")] = None,
+    update: Annotated[int | None, typer.Option(help="Views that update the P-PBS a frame.")] = None,
+    background: Annotated[bool, typer.Option("--background/--no-background", help="The model.")] = True,
+    history: Annotated[
+        bool, typer.Option("--history/--no-history", help="Show frames before A to the model first.")
+    ] = True,
+    quality: Annotated[str, typer.Option(help="fast, balanced or best.")] = "balanced",
+    tolerance: Annotated[
+        float | None, typer.Option(help="Triangulation error in pixels; 0: two triangles a pixel.")
+    ] = None,
+    delta: Annotated[float | None, typer.Option(help="Culling tolerance, metres (the paper's: 0.2).")] = None,
+    fill: Annotated[bool, typer.Option("--fill/--no-fill", help="Fill disocclusions.")] = True,
+    png: Annotated[bool, typer.Option(help="Also write PNG files.")] = False,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write a report.")] = None,
+    ppm_masks: Annotated[bool, typer.Option(help="Also write pictures with the holes marked.")] = False,
+) -> None:
+    """Render virtual cameras or a head-pose trace from a sequence."""
+    opened = open_sequence(sequence)
+    given = {
+        "n_render": views, "n_init": init, "n_update": update, "tolerance_px": tolerance, "delta_m": delta
+    }  # fmt: skip
+    changes = {name: value for name, value in given.items() if value is not None}
+    settings = Settings.preset(quality, background=background, fill=fill, **changes)
+    targets, count = _targets(opened, camera or [], pose_trace, stereo, ipd, size, fov)
+    start, stop = _frame_range(frames, count)
+    job = RenderJob(opened, _sources(opened, sources), targets, start, stop, history)
+    rows = []
+    console = Console(stderr=True)
+    with PictureWriter(out, png=png, masks=ppm_masks) as writer, Progress(console=console) as progress:
+        task = progress.add_task("rendering (the first run compiles kernels)", total=stop - start)
+        for index, pictures, row in Renderer(job, settings).frames():
+            for name, picture in pictures.items():
+                writer.write(name, index, picture)
+            rows.append(row)
+            progress.advance(task)
+    result = summary(rows, settings)
+    if report is not None:
+        report.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    median = {name: round(values["median"], 1) for name, values in result["summary"]["stages"].items()}
+    console.print(f"{len(rows)} frames to {out}; median milliseconds a frame: {median}")
+
+
+def _sources(sequence: Sequence, sources: str | None) -> tuple[str, ...]:
+    if sources is None:
+        return tuple(sequence.source_names)
+    names = tuple(name.strip() for name in sources.split(","))
+    for name in names:
+        if name not in sequence.source_names:
+            known = ", ".join(sequence.source_names)
+            raise ValueError(f"--sources: {name!r}: expected source views of the sequence: {known}")
+    return tuple(name for name in sequence.source_names if name in names)
+
+
+def _targets(
+    sequence: Sequence, cameras: list[str], trace: Path | None, stereo: bool, ipd: float,
+    size: str | None, fov: float | None,
+) -> tuple[Targets, int]:  # fmt: skip
+    """The viewers of each output frame, and how many output frames there are."""
+    if bool(cameras) == (trace is not None):
+        raise ValueError("--camera, --pose-trace: expected one or the other")
+    if trace is None:
+        if stereo or size is not None or fov is not None:
+            raise ValueError("--stereo, --size, --fov: expected with --pose-trace only")
+        for name in cameras:
+            sequence.camera(name)
+        return (
+            lambda index: {
+                name: sequence.camera(name, min(index, sequence.frame_count - 1)) for name in cameras
+            },
+            sequence.frame_count,
+        )
+    template = _template(sequence, size, fov)
+    poses = read_pose_trace(trace, template)
+    if not stereo:
+        return camera_target(template, poses, trace.stem), len(poses)
+    if not isinstance(template.projection, Perspective):
+        raise ValueError("--stereo: the viewport is equirectangular: expected --size and --fov as well")
+    view = StereoView(poses[0], ipd, template.projection, template.projection)
+    return stereo_target(view, poses, trace.stem), len(poses)
+
+
+def _template(sequence: Sequence, size: str | None, fov: float | None) -> Camera:
+    """The viewport, or the first source where there is none, with the picture that the options ask for."""
+    template = sequence.cameras.get("viewport") or sequence.camera(sequence.source_names[0])
+    if size is None and fov is None:
+        return template
+    width, height = (template.width, template.height) if size is None else parse_size(size)
+    if fov is None and isinstance(template.projection, Perspective):
+        fov = math.degrees(2 * math.atan(0.5 * template.width / abs(template.projection.fx)))
+    projection = Perspective.from_fov(width, height, math.radians(90.0 if fov is None else fov))
+    return dataclasses.replace(template, projection=projection)
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """WxH in pixels; raises ValueError otherwise."""
+    match = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", text)
+    if not match:
+        raise ValueError(f"--size: {text!r}: expected WxH, as in 1280x1440")
+    return int(match[1]), int(match[2])
+
+
+def _frame_range(frames: str | None, count: int) -> tuple[int, int]:
+    if frames is None:
+        return 0, count
+    first, colon, last = frames.partition(":")
+    try:
+        start, stop = int(first or 0), int(last) if last else count
+    except ValueError:
+        start = stop = -1
+    if not colon or not 0 <= start < stop <= count:
+        raise ValueError(f"--frames: {frames!r}: expected A:B with 0 <= A < B <= {count}")
+    return start, stop

@@ -1,0 +1,232 @@
+"""The synchronous core: video frames in at the back end, pictures out at the front end (paper Fig. 3)."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from .background.model import BackgroundModel, UpdateReport
+from .camera import Camera
+from .export_mesh import ColouredMesh
+from .filling import fill, hole_fraction
+from .frame import Frame
+from .pbi import enlarged, imaginary_camera
+from .scene import Scene
+from .selection import select_views
+from .settings import Settings
+from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
+from .warping import Canvas, PreparedView, directions_of
+
+__all__ = ["BackEndReport", "Engine", "Viewer"]
+
+Viewer = StereoView | Camera
+
+
+@dataclass(slots=True)
+class BackEndReport:
+    """What one video frame cost: milliseconds by stage, and the background model's own report."""
+
+    frame_index: int
+    stages: dict[str, float]
+    background: UpdateReport | None
+
+
+@dataclass(frozen=True, slots=True)
+class _FrontBuffer:
+    """All that rendering reads; replaced as a whole when the next frame is ready."""
+
+    frame: Frame
+    scene: Scene
+    views: tuple[PreparedView, ...]
+    backdrops: Mapping[str, PreparedView] = field(default_factory=dict)  # by viewer
+
+
+class Engine:
+    """Renders a rig's video for moving viewers and models the scene's background meanwhile.
+
+    `update` is called by one back-end thread; `render` and `render_camera` may run in other threads at the same
+    time and always see the newest finished frame. Raises ValueError for frames that do not fit the rig.
+    """
+
+    def __init__(
+        self, cameras: Sequence[Camera], settings: Settings | None = None, *, f_vin: float = 30.0
+    ) -> None:
+        self.cameras = tuple(cameras)
+        if not self.cameras:
+            raise ValueError("cameras: none: expected at least one source camera")
+        self.settings = settings or Settings()
+        self.f_vin = f_vin
+        self._scene: Scene | None = None
+        self._model: BackgroundModel | None = None
+        self._front: _FrontBuffer | None = None
+        self._canvases: dict[tuple[int, int], list[Canvas]] = {}
+        self._canvas_lock = threading.Lock()
+
+    @property
+    def frame_index(self) -> int | None:
+        """Index of the frame that is rendered now; None before the first."""
+        front = self._front
+        return front.frame.index if front else None
+
+    def update(
+        self,
+        frame: Frame,
+        viewers: Mapping[str, Viewer] | None = None,
+        speeds: Mapping[str, float] | None = None,
+    ) -> BackEndReport:
+        """Take a frame: update the background model, render each viewer's PBI, then swap the buffers.
+
+        `speeds` are the viewers' head speeds in m/s, for the PBI's margin.
+        """
+        self._check(frame)
+        stages: dict[str, float] = {}
+        if self._scene is None:
+            self._scene = Scene.of([view.camera for view in frame.views], self.settings, frame)
+        scene = self._scene
+        views = tuple(
+            PreparedView(view, scene.triangulation(view.camera, self.settings), scene.origin)
+            for view in frame.views
+        )
+        report = None
+        with _timed(stages, "background"):
+            if self.settings.background:
+                if self._model is None:
+                    self._model = BackgroundModel(self.cameras, self.settings, scene)
+                report = self._model.update(frame)
+        with _timed(stages, "pbi"):
+            backdrops = {}
+            for name, viewer in (viewers or {}).items():
+                if self._model is not None:
+                    backdrops[name] = self._backdrop(viewer, (speeds or {}).get(name, 0.0), scene)
+        with _timed(stages, "triangulate"):
+            for viewer in (viewers or {}).values():
+                for k in self._select(viewer, views, scene):
+                    views[k].mesh()
+        self._front = _FrontBuffer(frame, scene, views, backdrops)
+        return BackEndReport(frame.index, stages, report)
+
+    def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
+        """Render both eyes from the newest frame; `viewer` names whose PBI is the backdrop."""
+        front = self._newest()
+        left, right = view.eyes(front.scene.coding)
+        stages: dict[str, float] = {}
+        with _timed(stages, "select"):
+            chosen = self._select(view, front.views, front.scene)
+        pictures = [self._render_eye(eye, front, chosen, viewer) for eye in (left, right)]
+        pictures[0].report.stages = stages | pictures[0].report.stages
+        return StereoPicture(pictures[0], pictures[1], front.frame.index)
+
+    def render_camera(self, camera: Camera, viewer: str | None = None) -> RenderedPicture:
+        """Render one virtual camera of any projection from the newest frame."""
+        front = self._newest()
+        return self._render_eye(camera, front, self._select(camera, front.views, front.scene), viewer)
+
+    def mesh(self) -> ColouredMesh:
+        """The background model as it is now; may be called from any thread."""
+        if self._model is None:
+            raise ValueError("mesh: there is no background model yet: no frame was received")
+        return self._model.mesh()
+
+    def status(self) -> dict[str, Any]:
+        """Figures for people and monitors: the frame shown and the model's size."""
+        counts = self._model.counts() if self._model is not None else {}
+        return {"frame_index": self.frame_index, "cameras": len(self.cameras), "background": counts}
+
+    def _newest(self) -> _FrontBuffer:
+        if self._front is None:
+            raise ValueError("frame: none was received yet")
+        return self._front
+
+    def _check(self, frame: Frame) -> None:
+        names = tuple(view.camera.name for view in frame.views)
+        expected = tuple(camera.name for camera in self.cameras)
+        if names != expected:
+            raise ValueError(f"frame {frame.index}: views {names}: expected {expected}")
+        for view, camera in zip(frame.views, self.cameras, strict=True):
+            if (view.camera.projection, view.camera.depth) != (camera.projection, camera.depth):
+                raise ValueError(
+                    f"frame {frame.index}: view {camera.name}: projection or depth coding "
+                    f"{view.camera.projection}: expected the announced {camera.projection}"
+                )
+
+    def _backdrop(self, viewer: Viewer, speed: float, scene: Scene) -> PreparedView:
+        assert self._model is not None
+        if isinstance(viewer, Camera):
+            camera = enlarged(viewer, scene.coding, self.settings.pbi_scale)
+        else:
+            camera = imaginary_camera(viewer, speed, self.f_vin, scene.coding, self.settings.pbi_scale)
+        view = self._model.render_pbi(camera).view
+        return PreparedView(view, scene.triangulation(camera, self.settings), scene.origin)
+
+    def _select(self, viewer: Viewer, views: Sequence[PreparedView], scene: Scene) -> list[int]:
+        target = viewer if isinstance(viewer, Camera) else Camera("head", viewer.left, viewer.pose, scene.coding)
+        cameras = [prepared.view.camera for prepared in views]
+        return select_views(target, cameras, self.settings.n_render, scene.depths[:2])
+
+    def _render_eye(
+        self, camera: Camera, front: _FrontBuffer, chosen: Sequence[int], viewer: str | None
+    ) -> RenderedPicture:
+        views = [front.views[k] for k in chosen]
+        backdrop = front.backdrops.get(viewer) if viewer is not None else None
+        report = PictureReport(tuple(prepared.view.camera.name for prepared in views))
+        packed, directions = camera.packed(front.scene.origin), directions_of(camera)
+        near = 0.02 * front.scene.coding.near
+        with self._canvas(camera) as canvas:
+            with _timed(report.stages, "warp"):
+                canvas.clear()
+                for number, prepared in enumerate(views):
+                    mesh = prepared.mesh()
+                    report.warped += len(mesh.triangles)
+                    margin = 2 * prepared.options.tolerance + prepared.view.camera.depth.step
+                    canvas.draw(mesh, packed, directions, number, near=near, margin=margin)
+                report.holes_warped = report.holes_backdrop = hole_fraction(canvas.disparity)
+            with _timed(report.stages, "backdrop"):
+                if backdrop is not None:
+                    mesh = backdrop.mesh()
+                    report.warped += len(mesh.triangles)
+                    canvas.draw(mesh, packed, directions, len(views), near=near, push=self._push(front.scene))
+                    report.holes_backdrop = hole_fraction(canvas.disparity)
+                    views.append(backdrop)
+            with _timed(report.stages, "shade"):
+                if views:
+                    canvas.shade(packed, views, len(chosen), self.settings.blend)
+            with _timed(report.stages, "fill"):
+                report.holes_filled = report.holes_backdrop
+                if self.settings.fill and 0 < report.holes_backdrop < 1:
+                    fill(canvas.disparity, canvas.planes, self.settings.fill_radius_px)
+                    report.holes_filled = 0.0
+                texture = canvas.texture()
+            return RenderedPicture(camera, texture, canvas.disparity.copy(), canvas.winner.copy(), report)
+
+    def _push(self, scene: Scene) -> float:
+        """Metres by which the backdrop is moved backwards (section 3.4.2)."""
+        assert self._model is not None
+        return self._model.delta
+
+    @contextmanager
+    def _canvas(self, camera: Camera) -> Iterator[Canvas]:
+        """A canvas of the camera's size that no other thread uses."""
+        size = (camera.width, camera.height)
+        with self._canvas_lock:
+            free = self._canvases.setdefault(size, [])
+            canvas = free.pop() if free else None
+        canvas = canvas or Canvas(*size)
+        try:
+            yield canvas
+        finally:
+            with self._canvas_lock:
+                free.append(canvas)
+
+
+@contextmanager
+def _timed(stages: dict[str, float], name: str) -> Iterator[None]:
+    """Add the milliseconds that the block takes to a stage."""
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        stages[name] = stages.get(name, 0.0) + 1e3 * (time.perf_counter() - start)

@@ -1,0 +1,301 @@
+"""Triangle rasteriser: meshes into a disparity z-buffer (3D warping, paper section 3.4.2).
+
+The target holds disparity (1 / depth as the target camera measures depth, 0 where nothing was drawn) and the
+number of the view that won. Meshes are drawn in the order of their views' worth: a later one wins a pixel only
+where it is nearer by more than a margin, so that views of one surface do not fight for it.
+
+The screen is cut into bands of rows. Triangles are set up once, sorted into bands, and the bands are drawn in
+parallel, each by one thread.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from .project import PERSPECTIVE
+
+__all__ = ["draw_bands", "sort_into_bands", "transform_points"]
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+U8 = npt.NDArray[np.uint8]
+
+# Pixels by which a triangle's sides are moved outwards: rounding opens no cracks between neighbours.
+_SIDE_PX = 1e-3
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def transform_points(points: F32, camera: F64, screen: F32) -> None:
+    """Points -> screen [n, 4]: u, v, disparity, and the depth along the view axis (its sign tells what is behind).
+
+    For an equirectangular target screen holds the direction in camera axes instead (x, y, z, unused).
+    """
+    perspective = camera[0] == PERSPECTIVE
+    for i in numba.prange(points.shape[0]):
+        dx, dy, dz = points[i, 0] - camera[16], points[i, 1] - camera[17], points[i, 2] - camera[18]
+        x = camera[7] * dx + camera[10] * dy + camera[13] * dz
+        y = camera[8] * dx + camera[11] * dy + camera[14] * dz
+        z = camera[9] * dx + camera[12] * dy + camera[15] * dz
+        if perspective:
+            inverse = 1.0 / x
+            screen[i, 0] = camera[5] - camera[3] * y * inverse
+            screen[i, 1] = camera[6] - camera[4] * z * inverse
+            screen[i, 2] = inverse
+            screen[i, 3] = x
+        else:
+            screen[i, 0], screen[i, 1], screen[i, 2], screen[i, 3] = x, y, z, 0.0
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _rows_perspective(screen: F32, a: int, b: int, c: int, width: int, height: int, near: float) -> tuple[int, int]:
+    """First and last row that a triangle may touch; an empty range where it is culled."""
+    xa, xb, xc = screen[a, 3], screen[b, 3], screen[c, 3]
+    if min(xa, min(xb, xc)) < near:
+        if max(xa, max(xb, xc)) < near:
+            return 1, 0
+        return 0, height - 1  # crosses the plane of the eye: clipped when drawn
+    ua, va, ub, vb, uc, vc = screen[a, 0], screen[a, 1], screen[b, 0], screen[b, 1], screen[c, 0], screen[c, 1]
+    if (ub - ua) * (vc - va) - (uc - ua) * (vb - va) >= 0.0:
+        return 1, 0  # seen from behind
+    if max(ua, max(ub, uc)) < 0.5 - _SIDE_PX or min(ua, min(ub, uc)) > width - 0.5 + _SIDE_PX:
+        return 1, 0
+    low, high = min(va, min(vb, vc)), max(va, max(vb, vc))
+    if high < 0.0 or low > height:
+        return 1, 0
+    first, last = math.ceil(low - 0.5 - _SIDE_PX), math.floor(high - 0.5 + _SIDE_PX)
+    return max(0, int(first)), min(height - 1, int(last))
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _rows_spherical(screen: F32, a: int, b: int, c: int, camera: F64) -> tuple[int, int]:
+    """As for a perspective target, in elevation; a triangle round a pole reaches the picture's edge."""
+    height = int(camera[2])
+    ax, ay, az = float(screen[a, 0]), float(screen[a, 1]), float(screen[a, 2])
+    bx, by, bz = float(screen[b, 0]), float(screen[b, 1]), float(screen[b, 2])
+    cx, cy, cz = float(screen[c, 0]), float(screen[c, 1]), float(screen[c, 2])
+    nx = (by - ay) * (cz - az) - (bz - az) * (cy - ay)
+    ny = (bz - az) * (cx - ax) - (bx - ax) * (cz - az)
+    nz = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    if nx * ax + ny * ay + nz * az >= 0.0:
+        return 1, 0
+    ta = math.atan2(az, math.hypot(ax, ay))
+    tb = math.atan2(bz, math.hypot(bx, by))
+    tc = math.atan2(cz, math.hypot(cx, cy))
+    # A side bulges towards the pole by less than its own length.
+    bulge = 0.5 * (max(ta, max(tb, tc)) - min(ta, min(tb, tc))) + 2 * camera[6]
+    high, low = max(ta, max(tb, tc)) + bulge, min(ta, min(tb, tc)) - bulge
+    spread = max(abs(ax * by - ay * bx), max(abs(bx * cy - by * cx), abs(cx * ay - cy * ax)))
+    planar = min(ax * ax + ay * ay, min(bx * bx + by * by, cx * cx + cy * cy))
+    if spread > 0.05 * planar:  # wide in azimuth: near a pole
+        high, low = (math.pi / 2, low - 0.2) if az > 0 else (high + 0.2, -math.pi / 2)
+    first = math.ceil((camera[5] - high) / camera[6] - 0.5)
+    last = math.floor((camera[5] - low) / camera[6] - 0.5)
+    return max(0, int(first)), min(height - 1, int(last))
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def sort_into_bands(
+    screen: F32, triangles: I32, camera: F64, near: float, band_rows: int, counts: I64, lists: I32
+) -> None:
+    """Sort triangles into bands; counts [chunks, bands + 1], lists [chunks, bands, capacity].
+
+    Culled are triangles outside the picture, behind the eye or seen from behind. A triangle over several bands
+    stands in each.
+    """
+    chunks, bands = counts.shape[0], counts.shape[1]
+    size = (triangles.shape[0] + chunks - 1) // chunks
+    width, height = int(camera[1]), int(camera[2])
+    perspective = camera[0] == PERSPECTIVE
+    for chunk in numba.prange(chunks):
+        for band in range(bands):
+            counts[chunk, band] = 0
+        for t in range(chunk * size, min((chunk + 1) * size, triangles.shape[0])):
+            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            if perspective:
+                first, last = _rows_perspective(screen, a, b, c, width, height, near)
+            else:
+                first, last = _rows_spherical(screen, a, b, c, camera)
+            if last < first:
+                continue
+            for band in range(first // band_rows, last // band_rows + 1):
+                lists[chunk, band, counts[chunk, band]] = t
+                counts[chunk, band] += 1
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy", fastmath={"contract", "nnan"})
+def _draw_projected(
+    ua: float, va: float, qa: float, ub: float, vb: float, qb: float, uc: float, vc: float, qc: float,
+    first: int, last: int, view: int, margin: float, push: float, disparity: F32, winner: U8,
+) -> None:  # fmt: skip
+    """Scan-convert one triangle in rows first..last; disparity is affine on the screen."""
+    area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
+    if area >= 0.0:
+        return
+    width = disparity.shape[1]
+    inverse = 1.0 / area
+    q_du = ((qb - qa) * (vc - va) - (qc - qa) * (vb - va)) * inverse
+    q_dv = ((qc - qa) * (ub - ua) - (qb - qa) * (uc - ua)) * inverse
+    q_low, q_high = min(qa, min(qb, qc)), max(qa, max(qb, qc))
+    low, high = min(va, min(vb, vc)), max(va, max(vb, vc))
+    first = max(first, int(math.ceil(low - 0.5 - _SIDE_PX)))
+    last = min(last, int(math.floor(high - 0.5 + _SIDE_PX)))
+    u_low, u_high = min(ua, min(ub, uc)), max(ua, max(ub, uc))
+    # u on each side as a function of v; sides with rising v bound the row on the left (area < 0).
+    for y in range(first, last + 1):
+        v = y + 0.5
+        left, right = u_low - _SIDE_PX, u_high + _SIDE_PX
+        for side in range(3):
+            if side == 0:
+                pu, pv, ru, rv = ua, va, ub, vb
+            elif side == 1:
+                pu, pv, ru, rv = ub, vb, uc, vc
+            else:
+                pu, pv, ru, rv = uc, vc, ua, va
+            dv = rv - pv
+            if dv != 0.0:
+                slope = (ru - pu) / dv
+                at = pu + slope * (v - pv)
+                slack = _SIDE_PX * (1.0 + abs(slope))
+                if dv > 0.0:
+                    left = max(left, at - slack)
+                else:
+                    right = min(right, at + slack)
+        x0, x1 = max(0, int(math.ceil(left - 0.5))), min(width - 1, int(math.floor(right - 0.5)))
+        q_row = qa + q_dv * (v - va) - q_du * (ua - 0.5)
+        for x in range(x0, x1 + 1):
+            q = min(max(q_row + q_du * x, q_low), q_high)
+            if push > 0.0:
+                q = q / (1.0 + push * q)
+            if q > disparity[y, x] + (margin if disparity[y, x] > 0.0 else 0.0):
+                disparity[y, x] = q
+                winner[y, x] = view
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _draw_clipped(
+    screen: F32, a: int, b: int, c: int, camera: F64, near: float, first: int, last: int,
+    view: int, margin: float, push: float, disparity: F32, winner: U8,
+) -> None:  # fmt: skip
+    """Clip a triangle at the plane `near` in front of the eye and draw the one or two triangles that are left."""
+    polygon = np.empty((4, 3))
+    n = 0
+    for k in range(3):
+        i = a if k == 0 else (b if k == 1 else c)
+        j = b if k == 0 else (c if k == 1 else a)
+        xi, xj = float(screen[i, 3]), float(screen[j, 3])
+        yi, zi = (camera[5] - screen[i, 0]) * xi / camera[3], (camera[6] - screen[i, 1]) * xi / camera[4]
+        yj, zj = (camera[5] - screen[j, 0]) * xj / camera[3], (camera[6] - screen[j, 1]) * xj / camera[4]
+        if xi >= near:
+            polygon[n, 0], polygon[n, 1], polygon[n, 2] = xi, yi, zi
+            n += 1
+        if (xi >= near) != (xj >= near):
+            t = (near - xi) / (xj - xi)
+            polygon[n, 0], polygon[n, 1], polygon[n, 2] = near, yi + t * (yj - yi), zi + t * (zj - zi)
+            n += 1
+    for k in range(n):
+        q = 1.0 / polygon[k, 0]
+        polygon[k, 1] = camera[5] - camera[3] * polygon[k, 1] * q
+        polygon[k, 2] = camera[6] - camera[4] * polygon[k, 2] * q
+        polygon[k, 0] = q
+    for k in range(1, n - 1):
+        _draw_projected(
+            polygon[0, 1], polygon[0, 2], polygon[0, 0], polygon[k, 1], polygon[k, 2], polygon[k, 0],
+            polygon[k + 1, 1], polygon[k + 1, 2], polygon[k + 1, 0],
+            first, last, view, margin, push, disparity, winner,
+        )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _draw_spherical(
+    screen: F32, a: int, b: int, c: int, camera: F64, columns: F32, rows: F32, first: int, last: int,
+    view: int, margin: float, push: float, disparity: F32, winner: U8,
+) -> None:  # fmt: skip
+    """Draw on the sphere: a pixel is inside where its direction is on the inner side of three planes."""
+    width = disparity.shape[1]
+    ax, ay, az = float(screen[a, 0]), float(screen[a, 1]), float(screen[a, 2])
+    bx, by, bz = float(screen[b, 0]), float(screen[b, 1]), float(screen[b, 2])
+    cx, cy, cz = float(screen[c, 0]), float(screen[c, 1]), float(screen[c, 2])
+    sides = np.empty((3, 4))
+    for k in range(3):
+        px, py, pz = (ax, ay, az) if k == 0 else ((bx, by, bz) if k == 1 else (cx, cy, cz))
+        rx, ry, rz = (bx, by, bz) if k == 0 else ((cx, cy, cz) if k == 1 else (ax, ay, az))
+        sides[k, 0], sides[k, 1], sides[k, 2] = ry * pz - rz * py, rz * px - rx * pz, rx * py - ry * px
+        length = math.sqrt(sides[k, 0] ** 2 + sides[k, 1] ** 2 + sides[k, 2] ** 2)
+        sides[k, 3] = -_SIDE_PX * camera[6] * length
+    nx = (by - ay) * (cz - az) - (bz - az) * (cy - ay)
+    ny = (bz - az) * (cx - ax) - (bx - ax) * (cz - az)
+    nz = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    inverse = 1.0 / (nx * ax + ny * ay + nz * az)
+    pa, pb, pc = math.atan2(ay, ax), math.atan2(by, bx), math.atan2(cy, cx)
+    turn = 2.0 * math.pi
+    pb -= turn * math.floor((pb - pa) / turn + 0.5)
+    pc -= turn * math.floor((pc - pa) / turn + 0.5)
+    high, low = max(pa, max(pb, pc)), min(pa, min(pb, pc))
+    if high - low > 0.05:  # near a pole: every column may be touched
+        x0, x1 = 0, width - 1
+    else:
+        x0 = math.ceil((camera[3] - high) / camera[4] - 1.5)
+        x1 = math.floor((camera[3] - low) / camera[4] + 0.5)
+    period = int(round(turn / camera[4]))
+    for y in range(first, last + 1):
+        planar, z = rows[y, 0], rows[y, 1]
+        for column in range(x0, x1 + 1):
+            x = column
+            if x < 0 or x >= width:
+                x = x % period
+                if x >= width:
+                    continue
+            dx, dy = planar * columns[x, 0], planar * columns[x, 1]
+            if (
+                sides[0, 0] * dx + sides[0, 1] * dy + sides[0, 2] * z >= sides[0, 3]
+                and sides[1, 0] * dx + sides[1, 1] * dy + sides[1, 2] * z >= sides[1, 3]
+                and sides[2, 0] * dx + sides[2, 1] * dy + sides[2, 2] * z >= sides[2, 3]
+            ):
+                q = (nx * dx + ny * dy + nz * z) * inverse
+                q = q / (1.0 + push * q)
+                if q > disparity[y, x] + (margin if disparity[y, x] > 0.0 else 0.0):
+                    disparity[y, x] = q
+                    winner[y, x] = view
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def draw_bands(
+    screen: F32, triangles: I32, camera: F64, columns: F32, rows: F32, near: float, band_rows: int,
+    counts: I64, lists: I32, view: int, margin: float, push: float, disparity: F32, winner: U8,
+) -> None:  # fmt: skip
+    """Draw sorted triangles; `margin` is the disparity by which a drawn surface must be beaten, `push` metres
+    move the mesh away from the eye (the backdrop's offset). columns [w, 2] and rows [h, 2] are the cosines and
+    sines of an equirectangular target's azimuths and elevations."""  # fmt: skip
+    bands = counts.shape[1]
+    height = disparity.shape[0]
+    perspective = camera[0] == PERSPECTIVE
+    for task in numba.prange(bands):
+        # Neighbouring tasks go to one thread: deal the bands out so that each gets some of every region.
+        half = (bands + 1) // 2
+        band = 2 * task if task < half else 2 * (task - half) + 1
+        first, last = band * band_rows, min((band + 1) * band_rows, height) - 1
+        for chunk in range(counts.shape[0]):
+            for k in range(counts[chunk, band]):
+                t = lists[chunk, band, k]
+                a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+                if not perspective:
+                    _draw_spherical(
+                        screen, a, b, c, camera, columns, rows, first, last,
+                        view, margin, push, disparity, winner,
+                    )  # fmt: skip
+                elif min(screen[a, 3], min(screen[b, 3], screen[c, 3])) < near:
+                    _draw_clipped(
+                        screen, a, b, c, camera, near, first, last, view, margin, push, disparity, winner
+                    )
+                else:
+                    _draw_projected(
+                        screen[a, 0], screen[a, 1], screen[a, 2], screen[b, 0], screen[b, 1], screen[b, 2],
+                        screen[c, 0], screen[c, 1], screen[c, 2],
+                        first, last, view, margin, push, disparity, winner,
+                    )  # fmt: skip

@@ -1,0 +1,107 @@
+"""What a viewer asks for and what it gets: stereo views and stereo pictures."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from .camera import Camera, Perspective, Pose
+from .depth import DepthCoding
+from .frame import Texture
+
+__all__ = ["PictureReport", "RenderedPicture", "StereoPicture", "StereoView"]
+
+
+@dataclass(frozen=True, slots=True)
+class StereoView:
+    """A head: its pose (between the eyes), interpupillary distance in metres, and each eye's projection.
+
+    The eyes are offset by (0, +-ipd / 2, 0) in the head's axes, left = +y; they look along the head's x axis.
+    """
+
+    pose: Pose
+    ipd: float
+    left: Perspective
+    right: Perspective
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.ipd) and self.ipd >= 0):
+            raise ValueError(f"ipd: {self.ipd!r}: expected a distance in metres, at least 0")
+
+    @classmethod
+    def symmetric(cls, pose: Pose, width: int, height: int, fov_rad: float, ipd: float = 0.063) -> StereoView:
+        """Two equal eyes with the given picture size and horizontal field of view."""
+        eye = Perspective.from_fov(width, height, fov_rad)
+        return cls(pose, ipd, eye, eye)
+
+    def eyes(self, depth: DepthCoding) -> tuple[Camera, Camera]:
+        """The left and right eye as cameras whose depth is coded as given."""
+        left, right = (self.pose.translated((0.0, side * self.ipd / 2, 0.0)) for side in (1, -1))
+        return Camera("left", self.left, left, depth), Camera("right", self.right, right, depth)
+
+    def moved(self, pose: Pose) -> StereoView:
+        """The same head elsewhere."""
+        return dataclasses.replace(self, pose=pose)
+
+
+@dataclass(slots=True)
+class PictureReport:
+    """How a picture came about: hole fractions, triangles and milliseconds by stage."""
+
+    views: tuple[str, ...] = ()
+    holes_warped: float = 0.0  # before the backdrop
+    holes_backdrop: float = 0.0  # after it
+    holes_filled: float = 0.0  # after filling
+    warped: int = 0  # triangles
+    stages: dict[str, float] = dataclasses.field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class RenderedPicture:
+    """One virtual camera's picture.
+
+    disparity float32 [h, w] in 1/m, 0 where nothing was seen and only filling gave a colour. winner uint8 [h, w]:
+    which of `report.views` drew the pixel; their number means the backdrop.
+    """
+
+    camera: Camera
+    texture: Texture
+    disparity: npt.NDArray[np.float32]
+    winner: npt.NDArray[np.uint8]
+    report: PictureReport
+
+    def holes(self, *, warped: bool = False) -> npt.NDArray[np.bool_]:
+        """Pixels [h, w] where nothing was drawn; with `warped`, also those that only the backdrop drew."""
+        empty: npt.NDArray[np.bool_] = self.disparity <= 0
+        return empty | (self.winner >= len(self.report.views)) if warped else empty
+
+    def codes(self) -> npt.NDArray[np.uint16]:
+        """Depth codes [h, w] as `camera.depth` says, 0 for holes."""
+        with np.errstate(divide="ignore"):
+            depth = np.where(self.disparity > 0, 1.0 / self.disparity, np.nan)
+        return self.camera.depth.codes(depth)
+
+
+@dataclass(frozen=True, slots=True)
+class StereoPicture:
+    """Both eyes' pictures, and the video frame that they show."""
+
+    left: RenderedPicture
+    right: RenderedPicture
+    frame_index: int
+
+    @property
+    def stages(self) -> dict[str, float]:
+        """Milliseconds by stage, both eyes together."""
+        names = dict.fromkeys((*self.left.report.stages, *self.right.report.stages))
+        eyes = (self.left.report.stages, self.right.report.stages)
+        return {name: sum(eye.get(name, 0.0) for eye in eyes) for name in names}
+
+    @property
+    def holes(self) -> float:
+        """Fraction of pixels that only filling could colour, both eyes together."""
+        return 0.5 * (self.left.report.holes_backdrop + self.right.report.holes_backdrop)

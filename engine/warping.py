@@ -1,0 +1,145 @@
+"""3D warping of selected views and of the backdrop onto a virtual camera (paper section 3.4.2)."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from .camera import Camera, Equirectangular, Perspective
+from .frame import Texture, View
+from .kernels import fill as fill_kernels
+from .kernels import rasterise, shade
+from .mesh import Mesh
+from .triangulation import TriangulationOptions, triangulate
+
+__all__ = ["Canvas", "PreparedView", "directions_of", "pixels_per_radian"]
+
+_BANDS = 16
+_CHUNKS = 4
+_GREY = 512.0  # what is left where nothing was seen and nothing filled
+
+
+def pixels_per_radian(camera: Camera) -> float:
+    """Angular resolution in the middle of a camera's picture."""
+    p = camera.projection
+    if isinstance(p, Perspective):
+        return math.sqrt(abs(p.fx * p.fy))
+    return min(p.width / (p.hor_range[1] - p.hor_range[0]), p.height / (p.ver_range[1] - p.ver_range[0]))
+
+
+@dataclass(slots=True)
+class PreparedView:
+    """A view with what warping needs of it; its mesh is made when first asked for, by one thread."""
+
+    view: View
+    options: TriangulationOptions
+    origin: npt.NDArray[np.float64]
+    _mesh: Mesh | None = None
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def mesh(self) -> Mesh:
+        """The view's triangles."""
+        with self._lock:
+            if self._mesh is None:
+                self._mesh = triangulate(self.view.camera, self.view.codes, self.options, origin=self.origin)
+            return self._mesh
+
+    def table_row(self) -> npt.NDArray[np.float64]:
+        """The view as `kernels.shade` reads it."""
+        camera, row = self.view.camera, np.zeros(shade.TABLE_SIZE)
+        row[: shade.OFFSET] = camera.packed(self.origin)
+        coding = camera.depth
+        row[shade.OFFSET], row[shade.STEP] = coding.offset, coding.step
+        row[shade.MIN_CODE], row[shade.INVALID] = coding.min_code, coding.has_invalid
+        row[shade.EDGE] = max(self.options.edge / coding.step, 1.0)
+        row[shade.TOLERANCE] = 0.5 * row[shade.EDGE] + 1.0
+        row[shade.SHARPNESS] = pixels_per_radian(camera)
+        return row
+
+    def addresses(self) -> list[int]:
+        """Addresses of the codes and of the colour planes."""
+        texture = self.view.texture
+        return [plane.ctypes.data for plane in (self.view.codes, texture.y, texture.cb, texture.cr)]
+
+
+class Canvas:
+    """A virtual camera's buffers, kept from picture to picture: fresh memory costs more than drawing.
+
+    Not for two threads at once.
+    """
+
+    def __init__(self, width: int, height: int) -> None:
+        shape = (height, width)
+        self.disparity = np.zeros(shape, np.float32)
+        self.winner = np.zeros(shape, np.uint8)
+        self.planes = (np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32))
+        self._band_rows = max(1, math.ceil(height / _BANDS))
+        self._counts = np.empty((_CHUNKS, math.ceil(height / self._band_rows)), np.int64)
+        self._lists = np.empty(0, np.int32)
+        self._screen = np.empty((0, 4), np.float32)
+
+    def clear(self) -> None:
+        """Forget the last picture."""
+        self.disparity.fill(0.0)
+        for plane in self.planes:
+            plane.fill(_GREY)
+
+    def draw(
+        self, mesh: Mesh, camera: npt.NDArray[np.float64], directions: tuple[npt.NDArray[np.float32], ...],
+        number: int, *, near: float, margin: float = 0.0, push: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Draw a mesh as view `number` onto a packed camera (see `directions_of`)."""
+        if len(mesh.points) > len(self._screen):
+            self._screen = np.empty((len(mesh.points) + len(mesh.points) // 4, 4), np.float32)
+        chunk = math.ceil(len(mesh.triangles) / _CHUNKS)
+        needed = self._counts.size * chunk
+        if needed > len(self._lists):
+            self._lists = np.empty(needed + needed // 4, np.int32)
+        lists = self._lists[:needed].reshape(*self._counts.shape, chunk)
+        screen = self._screen[: len(mesh.points)]
+        rasterise.transform_points(mesh.points, camera, screen)
+        rasterise.sort_into_bands(screen, mesh.triangles, camera, near, self._band_rows, self._counts, lists)
+        rasterise.draw_bands(
+            screen, mesh.triangles, camera, *directions, near, self._band_rows, self._counts, lists,
+            number, margin, push, self.disparity, self.winner,
+        )  # fmt: skip
+
+    def shade(
+        self, camera: npt.NDArray[np.float64], views: Sequence[PreparedView], n_views: int, blend: int
+    ) -> None:
+        """Colour what was drawn; views after the first n_views are backdrops."""
+        table = np.stack([view.table_row() for view in views])
+        table[:, shade.SHARPNESS] *= _radians_a_pixel(camera)
+        addresses = np.array([view.addresses() for view in views], np.int64)
+        shade.shade(
+            self.disparity, self.winner, camera, table, addresses, n_views, blend, *self.planes
+        )
+
+    def texture(self) -> Texture:
+        """The picture as a new 10-bit 4:2:0 texture."""
+        h, w = self.disparity.shape
+        half = ((h + 1) // 2, (w + 1) // 2)
+        out = Texture(np.empty((h, w), np.uint16), np.empty(half, np.uint16), np.empty(half, np.uint16))
+        fill_kernels.pack_420(*self.planes, out.y, out.cb, out.cr)
+        return out
+
+
+def _radians_a_pixel(camera: npt.NDArray[np.float64]) -> float:
+    return float(1.0 / abs(camera[3])) if camera[0] == 0.0 else float(camera[4])
+
+
+def directions_of(camera: Camera) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Cosines and sines [w, 2] of an equirectangular camera's azimuths and [h, 2] of its elevations."""
+    p = camera.projection
+    if not isinstance(p, Equirectangular):
+        return np.empty((0, 2), np.float32), np.empty((0, 2), np.float32)
+    phi = p.hor_range[1] - (np.arange(p.width) + 0.5) * (p.hor_range[1] - p.hor_range[0]) / p.width
+    theta = p.ver_range[1] - (np.arange(p.height) + 0.5) * (p.ver_range[1] - p.ver_range[0]) / p.height
+    tables = (np.stack([np.cos(angle), np.sin(angle)], axis=-1) for angle in (phi, theta))
+    columns, rows = (table.astype(np.float32) for table in tables)
+    return columns, rows
