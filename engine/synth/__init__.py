@@ -1,1 +1,19 @@
 """Twins of the test sequences: ray-traced, with ground truth."""
+
+from .rigs import Rig, twin_cameras
+from .scenes import TWINS, Scene, make_scene
+from .twin import FPS, Twin, make_twin, render_view, twin_frame, write_twin
+
+__all__ = [
+    "FPS",
+    "TWINS",
+    "Rig",
+    "Scene",
+    "Twin",
+    "make_scene",
+    "make_twin",
+    "render_view",
+    "twin_cameras",
+    "twin_frame",
+    "write_twin",
+]

@@ -1,0 +1,55 @@
+"""`farside synth`: write a twin of one of the known sequences."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+__all__ = ["command"]
+
+
+def command(
+    name: Annotated[str, typer.Argument(help="museum, hijack, painter, frog, gymnasium-a or gymnasium-b")],
+    out: Annotated[Path, typer.Argument(help="Folder to write, named as the sequence shall be")],
+    scale: Annotated[float, typer.Option(help="Size of the pictures, 1 = as the paper's")] = 1.0,
+    frames: Annotated[int | None, typer.Option(help="Frames (default 300, gymnasium 250)")] = None,
+    seed: Annotated[int, typer.Option(help="Another seed, other clothes, pictures and depth errors")] = 0,
+    depth_noise: Annotated[
+        float | None,
+        typer.Option(
+            help="Strength of the errors of estimated depth (default 1 for painter and frog, else 0)"
+        ),
+    ] = None,
+) -> None:
+    """Make a twin of one of the known sequences, with ground truth in OUT/truth."""
+    console = Console(stderr=True)
+    with console.status("Loading the ray tracer (it is compiled on the first run: about half a minute)"):
+        from ..engine.synth import make_twin, twin_frame, write_twin
+
+        twin = make_twin(name, scale, seed, depth_noise)
+        tiny = make_twin(name, 0.01, seed, depth_noise)
+        twin_frame(tiny, 0, tiny.source_names[:1])
+    columns = (
+        TextColumn(name),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("pictures"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task(name)
+        write_twin(
+            name,
+            out,
+            scale,
+            frames,
+            seed,
+            depth_noise,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    sources, targets = len(twin.source_names), len(twin.rig.target_names)
+    print(f"{out}: {sources} source views, {targets} virtual cameras with ground truth")

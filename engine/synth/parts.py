@@ -1,0 +1,137 @@
+"""Building blocks of a scene: boxes, ellipsoids, capsules, cylinders, and groups of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..kernels.patterns import MATERIAL_SIZE
+from ..kernels.trace import BOX, CAPSULE, CYLINDER, ELLIPSOID, PART_SIZE
+
+__all__ = ["Group", "Palette", "Part", "box", "capsule", "cylinder", "ellipsoid", "pack", "placed", "turn"]
+
+FloatArray = npt.NDArray[np.float64]
+Vector = Sequence[float] | FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One solid: its kind (`kernels.trace`), material, pose (metres, world from part) and half sizes."""
+
+    kind: int
+    material: int
+    centre: FloatArray  # [3]
+    rotation: FloatArray  # [3, 3]
+    size: tuple[float, float, float]
+
+    def radius(self) -> float:
+        """Radius of the sphere about the centre that holds the part."""
+        a, b, c = self.size
+        if self.kind == BOX:
+            return float(np.hypot(np.hypot(a, b), c))
+        if self.kind == ELLIPSOID:
+            return max(self.size)
+        return a + c if self.kind == CAPSULE else float(np.hypot(a, c))
+
+    def row(self) -> FloatArray:  # [PART_SIZE]
+        """The part as the ray tracer reads it."""
+        return np.concatenate([[self.kind, self.material], self.centre, self.rotation.ravel(), self.size])
+
+
+Group = list[Part]  # parts that lie close together: one piece of furniture, one person
+
+
+class Palette:
+    """Materials by number; `add` hands out the numbers."""
+
+    def __init__(self) -> None:
+        self._rows: list[FloatArray] = []
+
+    def add(
+        self,
+        pattern: int,
+        colour: Vector,
+        other: Vector | None = None,
+        scale: float = 0.2,
+        rough: float = 0.4,
+    ) -> int:
+        """A new material: pattern (`kernels.patterns`), two linear RGB colours, scale in metres, contrast."""
+        other = [0.55 * c for c in colour] if other is None else other
+        self._rows.append(np.array([pattern, *colour, *other, scale, 101 * len(self._rows) + 17, rough]))
+        return len(self._rows) - 1
+
+    def packed(self) -> FloatArray:  # [k, MATERIAL_SIZE]
+        """All materials as the ray tracer reads them."""
+        return np.array(self._rows, np.float64).reshape(-1, MATERIAL_SIZE)
+
+
+def turn(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> FloatArray:  # [3, 3]
+    """Rz(yaw) Ry(pitch) Rx(roll), radians."""
+    (cy, cp, cr), (sy, sp, sr) = np.cos([yaw, pitch, roll]), np.sin([yaw, pitch, roll])
+    z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    result: FloatArray = z @ y @ x
+    return result
+
+
+def box(material: int, centre: Vector, size: Vector, rotation: FloatArray | None = None) -> Part:
+    """A box from its full edge lengths."""
+    return _solid(BOX, material, centre, tuple(0.5 * s for s in size), rotation)
+
+
+def ellipsoid(material: int, centre: Vector, size: Vector, rotation: FloatArray | None = None) -> Part:
+    """An ellipsoid from its half axes."""
+    return _solid(ELLIPSOID, material, centre, tuple(size), rotation)
+
+
+def cylinder(material: int, base: Vector, radius: float, height: float) -> Part:
+    """An upright cylinder standing on `base`."""
+    x, y, z = base
+    centre = (x, y, z + 0.5 * height)
+    return _solid(CYLINDER, material, centre, (radius, radius, 0.5 * height), None)
+
+
+def capsule(material: int, start: Vector, end: Vector, radius: float, side: Vector = (0.0, 1.0, 0.0)) -> Part:
+    """A capsule about the segment from start to end; `side` (not along it) fixes the turn of its texture."""
+    a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    length = float(np.linalg.norm(b - a))
+    z = (b - a) / length
+    x = np.cross(np.asarray(side, np.float64), z)
+    x /= np.linalg.norm(x)
+    rotation = np.stack([x, np.cross(z, x), z], axis=1)
+    return _solid(CAPSULE, material, 0.5 * (a + b), (radius, radius, 0.5 * length), rotation)
+
+
+def placed(group: Iterable[Part], position: Vector, yaw: float = 0.0) -> Group:
+    """The group turned about the z axis, radians, then moved."""
+    rotation, offset = turn(yaw), np.asarray(position, np.float64)
+    return [
+        Part(p.kind, p.material, rotation @ p.centre + offset, rotation @ p.rotation, p.size) for p in group
+    ]
+
+
+def pack(groups: Sequence[Group]) -> tuple[FloatArray, FloatArray]:  # [n, PART_SIZE], [m, 6]
+    """Parts and bounding spheres of groups as the ray tracer reads them."""
+    parts = [part.row() for group in groups for part in group]
+    spheres, start = np.zeros((len(groups), 6)), 0
+    for sphere, group in zip(spheres, groups, strict=True):
+        centres, radii = np.array([p.centre for p in group]), np.array([p.radius() for p in group])
+        low, high = (centres - radii[:, None]).min(0), (centres + radii[:, None]).max(0)
+        middle = 0.5 * (low + high)
+        # A little slack, so that rounding never drops a part that touches its sphere.
+        radius = float((np.linalg.norm(centres - middle, axis=1) + radii).max()) * (1 + 1e-9)
+        sphere[:] = *middle, radius, start, start + len(group)
+        start += len(group)
+    return np.array(parts, np.float64).reshape(-1, PART_SIZE), spheres
+
+
+def _solid(
+    kind: int, material: int, centre: Vector, size: tuple[float, ...], rotation: FloatArray | None
+) -> Part:
+    rotation = np.eye(3) if rotation is None else rotation
+    a, b, c = (float(s) for s in size)
+    return Part(kind, material, np.asarray(centre, np.float64), rotation, (a, b, c))

@@ -1,0 +1,187 @@
+"""The rigs of the twins: cameras as the paper's sequences have them (Table 1, section 4), by rule."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..camera import Camera, Equirectangular, Perspective, Pose, Projection
+from ..depth import DepthCoding
+
+__all__ = ["Rig", "twin_cameras"]
+
+FloatArray = npt.NDArray[np.float64]
+
+HALF_TURN = (-math.pi / 2, math.pi / 2)
+HALF_SPHERE = Equirectangular(2048, 2048, HALF_TURN, HALF_TURN)
+SQUARE = Perspective.from_fov(1024, 1024, math.pi / 2)
+EYE_HEIGHT = 1.65
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Source cameras, then virtual ones: the template `viewport` and targets t0, t1 ... with ground truth."""
+
+    cameras: tuple[Camera, ...]
+    source_names: tuple[str, ...]
+    moving: dict[str, Callable[[float], Pose]]  # cameras with a pose per instant (seconds)
+    frame_count: int
+    depth_noise: float
+
+    @property
+    def target_names(self) -> tuple[str, ...]:
+        """The virtual cameras with ground truth."""
+        return tuple(c.name for c in self.cameras if c.name[0] == "t")
+
+    def camera(self, name: str, time: float = 0.0) -> Camera:
+        """A camera by name at an instant in seconds; raises ValueError for unknown names."""
+        for camera in self.cameras:
+            if camera.name == name:
+                pose = self.moving[name](time) if name in self.moving else camera.pose
+                return Camera(name, camera.projection, pose, camera.depth, camera.texture_bits)
+        raise ValueError(f"camera: {name!r}: expected one of {', '.join(c.name for c in self.cameras)}")
+
+
+def twin_cameras(name: str, scale: float = 1.0) -> Rig:
+    """The rig of a twin, its pictures `scale` times the size; raises ValueError for a bad name or scale."""
+    rigs = {
+        "museum": _museum,
+        "hijack": _hijack,
+        "painter": _painter,
+        "frog": _frog,
+        "gymnasium-a": _gymnasium,
+        "gymnasium-b": _gymnasium,
+    }
+    if name not in rigs:
+        raise ValueError(f"twin: {name!r}: expected one of {', '.join(rigs)}")
+    if not 0.0 < scale <= 4.0:
+        raise ValueError(f"scale: {scale!r}: expected 0 < scale <= 4")
+    rig = rigs[name]()
+    cameras = tuple(
+        Camera(c.name, c.projection.scaled(scale), c.pose, c.depth, c.texture_bits) for c in rig.cameras
+    )
+    return Rig(cameras, rig.source_names, rig.moving, rig.frame_count, rig.depth_noise)
+
+
+def _look(x: float, y: float, z: float, yaw_deg: float = 0.0, pitch_deg: float = 0.0) -> Pose:
+    return Pose.from_euler((x, y, z), math.radians(yaw_deg), math.radians(pitch_deg), 0.0)
+
+
+def _outward(direction: FloatArray, radius: float) -> Pose:
+    x, y, z = direction / np.linalg.norm(direction)
+    yaw, pitch = math.atan2(y, x), -math.asin(z)
+    return Pose.from_euler((radius * x, radius * y, EYE_HEIGHT + radius * z), yaw, pitch, 0.0)
+
+
+def _snub_cube() -> Iterable[FloatArray]:
+    """24 directions spread over the sphere, as the real ball has them: the corners of a snub cube."""
+    tribonacci = (1 + (19 + 3 * math.sqrt(33)) ** (1 / 3) + (19 - 3 * math.sqrt(33)) ** (1 / 3)) / 3
+    base = np.array([1.0, 1.0 / tribonacci, tribonacci])
+    for order in itertools.permutations(range(3)):
+        parity = np.linalg.det(np.eye(3)[list(order)])
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            if np.prod(signs) * parity > 0:
+                yield base[list(order)] * signs
+
+
+def _rig(
+    sources: Iterable[tuple[str, Projection, Pose]],
+    targets: Iterable[tuple[Projection, Pose]],
+    viewport: tuple[Projection, Pose],
+    depth: DepthCoding,
+    frame_count: int = 300,
+    depth_noise: float = 0.0,
+    moving: dict[str, Callable[[float], Pose]] | None = None,
+) -> Rig:
+    cameras = [Camera(name, projection, pose, depth) for name, projection, pose in sources]
+    names = tuple(c.name for c in cameras)
+    cameras.append(Camera("viewport", *viewport, depth))
+    cameras += [Camera(f"t{k}", projection, pose, depth) for k, (projection, pose) in enumerate(targets)]
+    return Rig(tuple(cameras), names, moving or {}, frame_count, depth_noise)
+
+
+def _museum() -> Rig:
+    poses = [_outward(direction, 0.3) for direction in _snub_cube()]
+    targets: list[tuple[Projection, Pose]] = [
+        (SQUARE, _look(0.1, 0.05, 1.65)),
+        (SQUARE, _look(-0.08, -0.1, 1.6, 150, 5)),
+        (HALF_SPHERE.scaled(0.5), _look(0.05, -0.08, 1.7, -60)),
+        (SQUARE, _look(-0.8, 0.9, 1.7, -25, 5)),
+        (SQUARE, _look(0.9, -1.3, 1.4, 75, -3)),
+    ]
+    sources = [(f"v{k}", HALF_SPHERE, pose) for k, pose in enumerate(poses)]
+    viewport = (Perspective.from_fov(2048, 2048, math.pi / 2), _look(0, 0, EYE_HEIGHT))
+    return _rig(sources, targets, viewport, DepthCoding(0.5, 25.0))
+
+
+def _hijack() -> Rig:
+    ring = [(0.3 * math.cos(a), -0.3 * math.sin(a), 0.0) for a in np.arange(5) * 0.4 * math.pi]
+    upright = [(x, 0.0, z) for z in (-0.26, 0.26) for x in (-0.15, 0.15)]
+    poses = [_look(x, y, EYE_HEIGHT + z) for x, y, z in [*ring, *upright, (0.0, 0.0, 0.0)]]
+    targets: list[tuple[Projection, Pose]] = [
+        (SQUARE, _look(0.05, 0.1, 1.7, 10)),
+        (SQUARE, _look(-0.1, -0.12, 1.55, -35, 10)),
+        (HALF_SPHERE.scaled(0.5), _look(0.1, 0.0, 1.6)),
+        (SQUARE, _look(0.2, 1.0, 1.7, -15, 5)),
+        (SQUARE, _look(0.5, -0.9, 1.35, 15)),
+    ]
+    sources = [(f"v{k}", HALF_SPHERE, pose) for k, pose in enumerate(poses)]
+    viewport = (Perspective.from_fov(2048, 2048, math.pi / 2), _look(0, 0, EYE_HEIGHT))
+    return _rig(sources, targets, viewport, DepthCoding(0.5, 25.0))
+
+
+def _painter() -> Rig:
+    lens = Perspective(2048, 1088, 2410.3, 2410.3, 1043.0, 480.5)
+    grid = [(0.0, 0.07 * (1 - k % 4), 0.07 * (1 - k // 4)) for k in range(16)]
+    targets = [
+        (lens, _look(0.0, 0.035, 0.035)),
+        (lens, _look(0.0, -0.1, -0.1)),
+        (lens, _look(0.0, 0.35, 0.05, -5)),
+        (lens, _look(0.1, -0.45, -0.1, 5)),
+    ]
+    sources = [(f"v{k}", lens, _look(*position)) for k, position in enumerate(grid)]
+    viewport = (Perspective(1920, 1080, 2711.3, 2711.3, 960.0, 540.0), _look(0, 0, 0))
+    return _rig(sources, targets, viewport, DepthCoding(1.0, 10.0), depth_noise=1.0)
+
+
+def _frog() -> Rig:
+    lens = Perspective(1920, 1080, 1546.7, 1547.8, 980.2, 534.7)
+    # The real row is slightly toed out, by about a tenth of a degree at its ends.
+    sources = [(f"v{k}", lens, _look(0, 0.0364 * (7 - k), 0, 0.015 * (7 - k))) for k in range(1, 14)]
+    targets = [
+        (lens, _look(0.0, 0.02, 0.0)),
+        (lens, _look(0.0, -0.12, 0.01)),
+        (lens, _look(0.02, 0.34, 0.03, -8)),
+        (lens, _look(0.0, -0.3, 0.1, 8, 4)),
+    ]
+    viewport = (Perspective(1920, 1080, 1856.7, 1856.7, 960.0, 540.0), _look(0, 0, 0))
+    return _rig(sources, targets, viewport, DepthCoding(0.3, 1.62), depth_noise=1.0)
+
+
+def _gymnasium() -> Rig:
+    sources = []
+    for k in range(4):
+        yaw = 90.0 * k
+        x, y = 0.3 * math.cos(math.radians(yaw)), 0.3 * math.sin(math.radians(yaw))
+        sources.append((f"v{k}", HALF_SPHERE, _look(x, y, EYE_HEIGHT, yaw)))
+    seconds = 250 / 30.0
+
+    def flight(time: float) -> Pose:
+        share = min(max(time / seconds, 0.0), 1.0)
+        return _look(-8.0 + 16.0 * share, -1.5 + 3.0 * share, 5.8, 0, 90)
+
+    sources.append(("v4", HALF_SPHERE, flight(0.0)))
+    targets: list[tuple[Projection, Pose]] = [
+        (SQUARE, _look(0.1, 0.05, 1.65)),
+        (SQUARE, _look(-0.1, -0.1, 1.6, 200)),
+        (HALF_SPHERE.scaled(0.5), _look(0.0, 0.1, 1.7, 80)),
+        (SQUARE, _look(-1.0, 0.6, 1.9, 15, 5)),
+        (SQUARE, _look(0.8, -1.2, 2.2, 130, 10)),
+    ]
+    viewport = (Perspective.from_fov(2048, 2048, math.pi / 2), _look(0, 0, EYE_HEIGHT))
+    return _rig(sources, targets, viewport, DepthCoding(0.5, 25.0), frame_count=250, moving={"v4": flight})

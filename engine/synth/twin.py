@@ -1,0 +1,180 @@
+"""Twins in memory and on disk: frames of the source cameras and ground truth for any virtual camera."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from .. import threads  # noqa: F401  before the first parallel kernel
+from ..camera import Camera
+from ..frame import Frame, Texture, View
+from ..kernels.depth_noise import perturb_codes
+from ..kernels.trace import trace_picture
+from ..tmiv import SequenceWriter
+from .rigs import Rig, twin_cameras
+from .scenes import Scene, make_scene
+
+__all__ = ["FPS", "Twin", "make_twin", "render_view", "twin_frame", "write_twin"]
+
+FloatArray = npt.NDArray[np.float64]
+
+FPS = 30.0
+# The errors of estimated depth at strength 1: how far edges wander, as a share of the width, and how far
+# codes are off, as a share of their range.
+EDGE_ERROR, CODE_ERROR = 0.0012, 0.006
+
+
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """A scene, its rig and what was rendered of the part that stands still."""
+
+    name: str
+    seed: int
+    scene: Scene
+    rig: Rig
+    depth_noise: float
+    samples: int = 2
+    _static: dict[Camera, View] = field(default_factory=dict)
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """All cameras, virtual ones too, as they are in frame 0."""
+        return self.rig.cameras
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        """Names of the reference cameras, in the order of a frame's views."""
+        return self.rig.source_names
+
+    @property
+    def sources(self) -> tuple[Camera, ...]:
+        """The reference cameras as they are in frame 0."""
+        return tuple(self.rig.camera(name) for name in self.source_names)
+
+    def camera(self, name: str, index: int = 0) -> Camera:
+        """A camera by name with its pose in a frame; raises ValueError for unknown names."""
+        return self.rig.camera(name, index / FPS)
+
+    def truth(self, camera: Camera, index: int) -> View:
+        """What a camera sees in a frame, without errors: as `render_view`, but sooner for fixed cameras."""
+        parts_of = self.scene.packed(index / FPS)
+        if camera not in self._static:
+            self._static[camera] = render_view(
+                self.scene, camera, 0.0, samples=self.samples, background_only=True
+            )
+        still = self._static[camera]
+        texture = Texture(still.texture.y.copy(), still.texture.cb.copy(), still.texture.cr.copy())
+        view = View(camera, texture, still.codes.copy())
+        _trace(self.scene, view, parts_of, self.samples, first=parts_of[2])
+        return view
+
+    def view(self, name: str, index: int) -> View:
+        """A source camera's view in a frame, its depth with errors as far as the twin has any."""
+        camera = self.camera(name, index)
+        if name in self.rig.moving:
+            view = render_view(self.scene, camera, index / FPS, samples=self.samples)
+        else:
+            view = self.truth(camera, index)
+        return self._with_errors(view, index) if self.depth_noise else view
+
+    def _with_errors(self, view: View, index: int) -> View:
+        out, depth = np.empty_like(view.codes), view.camera.depth
+        seed = zlib.crc32(f"{self.seed} {view.camera.name}".encode())
+        shift, error = EDGE_ERROR * view.camera.width, CODE_ERROR * depth.max_code
+        noise = self.depth_noise
+        perturb_codes(view.codes, index, seed, noise * shift, noise * error, depth.max_code, out)
+        return replace(view, codes=out)
+
+
+def make_twin(name: str, scale: float = 1.0, seed: int = 0, depth_noise: float | None = None) -> Twin:
+    """A twin by name (`scenes.TWINS`), its pictures `scale` times the size.
+
+    `depth_noise` is the strength of the errors of estimated depth, by default 1 for painter and frog and 0
+    for the others. Raises ValueError for an unknown name or a scale or strength out of range.
+    """
+    scene, rig = make_scene(name, seed), twin_cameras(name, scale)
+    strength = rig.depth_noise if depth_noise is None else depth_noise
+    if not 0.0 <= strength <= 100.0:
+        raise ValueError(f"depth noise: {strength!r}: expected 0 to 100")
+    return Twin(name, seed, scene, rig, strength)
+
+
+def render_view(
+    scene: Scene, camera: Camera, time: float, *, samples: int = 2, background_only: bool = False
+) -> View:
+    """Ground truth: what any camera sees at `time` in seconds, or of the scene without its actors.
+
+    Colour is the mean of samples x samples rays a pixel; depth is that of the pixel centre.
+    """
+    height, width = camera.height, camera.width
+    half = ((height + 1) // 2, (width + 1) // 2)
+    texture = Texture(*(np.zeros(shape, np.uint16) for shape in ((height, width), half, half)))
+    view = View(camera, texture, np.zeros((height, width), np.uint16))
+    _trace(scene, view, scene.packed(time, background_only), samples, first=0)
+    return view
+
+
+def twin_frame(twin: Twin, index: int, names: Sequence[str] | None = None) -> Frame:
+    """A frame of a twin, rendered in memory: all its source views or those named, in that order."""
+    return Frame(index, tuple(twin.view(name, index) for name in names or twin.source_names))
+
+
+def write_twin(
+    name: str,
+    folder: Path | str,
+    scale: float = 1.0,
+    frames: int | None = None,
+    seed: int = 0,
+    depth_noise: float | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> None:
+    """Write a twin to a TMIV folder, the virtual cameras' ground truth to its truth/.
+
+    `progress` is called with the pictures done and their number. Raises ValueError for bad parameters.
+    """
+    twin = make_twin(name, scale, seed, depth_noise)
+    count = twin.rig.frame_count if frames is None else frames
+    if count < 1:
+        raise ValueError(f"frames: {count!r}: expected at least 1")
+    done, total = 0, count * (len(twin.source_names) + len(twin.rig.target_names))
+    progress(done, total)
+    with SequenceWriter(folder, name, FPS, twin.cameras, twin.source_names) as writer:
+        for index in range(count):
+            for camera in (*twin.source_names, *twin.rig.target_names):
+                is_source = camera in twin.source_names
+                view = twin.view(camera, index) if is_source else twin.truth(twin.camera(camera), index)
+                writer.write(camera, view.texture, view.codes, view.camera.pose)
+                done += 1
+                progress(done, total)
+
+
+def _trace(
+    scene: Scene,
+    view: View,
+    packed: tuple[FloatArray, FloatArray, int],
+    samples: int,
+    first: int,
+) -> None:
+    parts, groups, _ = packed
+    depth = view.camera.depth
+    coding = np.array([depth.offset, depth.step, depth.min_code, depth.max_code])
+    texture = view.texture
+    trace_picture(
+        view.camera.packed(),
+        coding,
+        parts,
+        groups,
+        first,
+        scene.materials,
+        scene.lamps,
+        samples,
+        texture.y,
+        texture.cb,
+        texture.cr,
+        view.codes,
+    )
