@@ -95,6 +95,10 @@ class RawVideo:
         rows, columns = shapes[index]
         return self._frames[frame, start : start + rows * columns].reshape(rows, columns)
 
+    def native(self, frame: int) -> Texture:
+        """The frame of a 4:2:0 file in codes of its own bits; raises ValueError without chroma."""
+        return Texture(*(self.plane(frame, i).astype(np.uint16, copy=False) for i in range(3)))
+
     def codes(self, frame: int) -> Codes:
         """The luma plane in uint16, as it is: depth codes."""
         return self.plane(frame, 0).astype(np.uint16, copy=False)

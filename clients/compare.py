@@ -1,0 +1,112 @@
+"""`farside compare`: how close two raw videos are, frame by frame."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from farside.engine import metrics
+from farside.engine.yuv import PixelFormat, RawVideo
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+__all__ = ["command", "compare"]
+
+
+def command(
+    ref: Annotated[Path, typer.Argument(metavar="REF.yuv", help="The reference.")],
+    test: Annotated[Path, typer.Argument(metavar="TEST.yuv", help="What is judged.")],
+    size: Annotated[str, typer.Option(metavar="WxH", help="Picture size, pixels.")],
+    pixel_format: Annotated[str, typer.Option("--format", help="Of both files, 4:2:0.")] = "yuv420p10le",
+    erp: Annotated[
+        str | None, typer.Option(metavar="H,V", help="Equirectangular with these ranges, degrees.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write the figures here.")
+    ] = None,
+) -> None:
+    """Compare two raw videos: PSNR, IV-PSNR and, with --erp, WS-PSNR, in dB, by frame and in the mean."""
+    width, height = _size(size)
+    reference, judged = (RawVideo(path, width, height, PixelFormat(pixel_format)) for path in (ref, test))
+    report = compare(reference, judged, _erp(erp))
+    if json_file:
+        json_file.write_text(json.dumps(report, indent=1) + "\n", "utf-8")
+    Console(width=None if sys.stdout.isatty() else 140).print(_table(report))
+    counts = reference.frame_count, judged.frame_count
+    if counts[0] != counts[1]:
+        raise ValueError(f"frames: {ref.name} has {counts[0]}, {test.name} has {counts[1]}: expected as many")
+
+
+def compare(ref: RawVideo, test: RawVideo, erp: tuple[float, float] | None = None) -> dict[str, object]:
+    """The figures of every frame that both have, and their means. Raises ValueError for truncated files."""
+    for video in (ref, test):
+        if not video.format.has_chroma:
+            raise ValueError(f"format: {video.format.name!r}: expected 4:2:0 (yuv420p...)")
+        if not video.frame_count or video.extra_bytes:
+            length = video.frame_count * video.frame_bytes + video.extra_bytes
+            raise ValueError(
+                f"{video.path.name}: {length} bytes: expected a multiple of {video.frame_bytes}, "
+                f"a frame of {video.width}x{video.height} {video.format.name}"
+            )
+    count = min(ref.frame_count, test.frame_count)
+    frames = [_figures(ref, test, frame, erp) for frame in range(count)]
+    return {
+        "reference": str(ref.path),
+        "test": str(test.path),
+        "size": [ref.width, ref.height],
+        "format": ref.format.name,
+        "erp": erp,
+        "frames": [{"frame": index, **figures} for index, figures in enumerate(frames)],
+        "mean": {name: math.fsum(figures[name] for figures in frames) / count for name in frames[0]},
+    }
+
+
+def _figures(
+    ref: RawVideo, test: RawVideo, frame: int, erp: tuple[float, float] | None
+) -> dict[str, float]:
+    pictures, bits = (ref.native(frame), test.native(frame)), ref.format.bits
+    names = ("y", "cb", "cr")
+    plain = metrics.psnr(*pictures, bits=bits)
+    figures = {f"psnr_{name}": value for name, value in zip(names, plain, strict=True)}
+    if erp:
+        weighted = metrics.ws_psnr(*pictures, erp, bits=bits)
+        figures |= {f"ws_psnr_{name}": value for name, value in zip(names, weighted, strict=True)}
+    return figures | {"iv_psnr": metrics.iv_psnr(*pictures, erp, bits=bits)}
+
+
+def _table(report: dict[str, object]) -> Table:
+    frames, mean = report["frames"], report["mean"]
+    assert isinstance(frames, list)
+    assert isinstance(mean, dict)
+    table = Table("frame", title="dB", box=box.SIMPLE)
+    for name in mean:
+        title = name.replace("psnr", "PSNR").replace("ws_", "WS-").replace("iv_", "IV-")
+        table.add_column(title.replace("_", " "), justify="right", no_wrap=True)
+    for figures in frames:
+        table.add_row(str(figures["frame"]), *(f"{figures[name]:.4f}" for name in mean))
+    table.add_section()
+    table.add_row("mean", *(f"{value:.4f}" for value in mean.values()))
+    return table
+
+
+def _size(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"([1-9]\d*)x([1-9]\d*)", text)
+    if not match:
+        raise ValueError(f"--size: {text!r}: expected WIDTHxHEIGHT, as in 1920x1080")
+    return int(match[1]), int(match[2])
+
+
+def _erp(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        horizontal, vertical = map(float, text.split(","))
+    except ValueError:
+        raise ValueError(f"--erp: {text!r}: expected two ranges in degrees, as in 360,180") from None
+    return horizontal, vertical
