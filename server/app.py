@@ -1,0 +1,109 @@
+"""The FastAPI application: routes over one service, and the server that runs it."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from farside.engine.live import Core, Live, Source
+from fastapi import FastAPI, HTTPException, Request, Response, WebSocket
+from fastapi.responses import FileResponse
+from fastapi.staticfiles import StaticFiles
+
+from .export import export_mesh, export_metrics
+from .ingest import serve_source
+from .poses import serve_viewer
+from .service import Service
+from .settings import ServerSettings
+
+__all__ = ["create_app", "make_server"]
+
+PAGE = Path(str(files("farside.server"))) / "page"
+
+
+def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | None = None) -> FastAPI:
+    """The application; `make_core` replaces the engine that a source's cameras create."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        live = Live(make_core or _engine_maker(settings), render_workers=settings.render_workers)
+        async with live:
+            app.state.service = Service(live, settings)
+            yield
+
+    app = FastAPI(title="Farside", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    app.mount("/page", StaticFiles(directory=PAGE))
+    _add_http(app)
+    _add_sockets(app)
+    return app
+
+
+def _engine_maker(settings: ServerSettings) -> Callable[[Source], Core]:
+    def make(source: Source) -> Core:
+        from farside.engine.engine import (
+            Engine,  # late: it takes seconds, and a server starts without a source
+        )
+
+        return Engine(source.cameras, settings.engine(), f_vin=source.fps)
+
+    return make
+
+
+def _add_http(app: FastAPI) -> None:
+    @app.get("/")
+    def page() -> FileResponse:
+        return FileResponse(PAGE / "index.html")
+
+    @app.get("/status")
+    async def status() -> dict[str, Any]:
+        return _service(app).status()
+
+    @app.get("/metrics")
+    async def metrics() -> Response:
+        return Response(export_metrics(_service(app)), media_type="text/plain; version=0.0.4")
+
+    @app.get("/mesh.{format_name}")
+    async def mesh(format_name: str, request: Request) -> Response:
+        token = request.headers.get("authorization", "").removeprefix("Bearer ")
+        if not _service(app).authorised(token or request.query_params.get("token", "")):
+            raise HTTPException(401, "token: another: expected the server's token")
+        if format_name not in ("glb", "ply"):
+            raise HTTPException(404, f"format: {format_name}: expected glb or ply")
+        return await export_mesh(_service(app), format_name)
+
+
+def _add_sockets(app: FastAPI) -> None:
+    @app.websocket("/viewer")
+    async def viewer(socket: WebSocket) -> None:
+        await serve_viewer(socket, _service(app))
+
+    @app.websocket("/source")
+    async def source(socket: WebSocket) -> None:
+        await serve_source(socket, _service(app))
+
+
+def _service(app: FastAPI) -> Service:
+    service: Service = app.state.service
+    return service
+
+
+def make_server(
+    settings: ServerSettings, make_core: Callable[[Source], Core] | None = None
+) -> uvicorn.Server:
+    """A server ready to run."""
+    config = uvicorn.Config(
+        create_app(settings, make_core),
+        host=settings.host,
+        port=settings.port,
+        log_level=settings.log_level,
+        ws="websockets-sansio",
+        ws_max_size=settings.max_message_bytes,
+        ws_per_message_deflate=False,  # pictures are compressed, depth is large: it would only cost time
+        ws_ping_timeout=120.0,  # the first frame waits for kernels to be compiled
+        timeout_graceful_shutdown=settings.shutdown_timeout_s,
+    )
+    return uvicorn.Server(config)

@@ -1,0 +1,57 @@
+"""The background model as a file, and figures for Prometheus."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from farside.engine.export_mesh import to_glb, to_ply
+from fastapi import HTTPException, Response
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from .service import Service
+
+__all__ = ["export_mesh", "export_metrics"]
+
+FORMATS = {"glb": (to_glb, "model/gltf-binary"), "ply": (to_ply, "application/octet-stream")}
+
+
+async def export_mesh(service: Service, format_name: str) -> Response:
+    """The model in a format (glb, ply); 409 before the first frame."""
+    convert, media_type = FORMATS[format_name]
+    try:
+        data = await service.live.mesh(convert)
+    except ValueError as error:
+        raise HTTPException(409, str(error)) from error
+    headers = {"Content-Disposition": f'attachment; filename="background.{format_name}"'}
+    return Response(data, media_type=media_type, headers=headers)
+
+
+def export_metrics(service: Service) -> bytes:
+    """The text that Prometheus reads."""
+    registry = CollectorRegistry()
+    registry.register(_Figures(service.status()))
+    return generate_latest(registry)
+
+
+class _Figures(Collector):
+    def __init__(self, status: dict[str, Any]) -> None:
+        self._status = status
+
+    def collect(self) -> Iterator[Metric]:
+        status = self._status
+        frames = CounterMetricFamily("farside_frames", "Video frames by outcome", labels=["outcome"])
+        for outcome, count in status["frames"].items():
+            frames.add_metric([outcome], count)
+        yield frames
+        stages = GaugeMetricFamily("farside_stage_ms", "Milliseconds a stage", labels=["stage", "quantile"])
+        for stage, summary in status["stages_ms"].items():
+            stages.add_metric([stage, "0.5"], summary["p50"])
+            stages.add_metric([stage, "0.95"], summary["p95"])
+        yield stages
+        yield GaugeMetricFamily("farside_viewers", "Viewers connected", value=len(status["viewers"]))
+        yield GaugeMetricFamily("farside_source_connected", "1 while a source is", status["source_connected"])
+        for name, value in (status["rates"] | status["event_loop"]).items():
+            yield GaugeMetricFamily(f"farside_{name}", name.replace("_", " "), value=value)

@@ -1,0 +1,158 @@
+"""Checked access to the fields of a decoded message, and the error that names what is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from enum import IntEnum
+from typing import Any
+
+__all__ = ["CloseCode", "ProtocolError", "Quaternion", "Reader", "Vector"]
+
+MAX_NUMBER = 1e12
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class CloseCode(IntEnum):
+    """Why a connection was closed, in WebSocket's private range."""
+
+    MALFORMED = 4400  # no msgpack map, or a field is missing or has the wrong type
+    TOKEN = 4401
+    VERSION = 4402
+    VALUE = 4403  # a field has the right type and a wrong value
+    CAMERA = 4404  # unknown camera
+    TYPE = 4405  # a message type that has no place here
+    ORDER = 4406
+    SIZE = 4407  # another resolution or length than announced
+    TIMEOUT = 4408
+    BUSY = 4409  # another source drives the engine, or too many viewers
+    TOO_BIG = 4413
+    INTERNAL = 4500
+
+
+class ProtocolError(ValueError):
+    """What a peer sent is wrong: close code, field, value and expectation."""
+
+    def __init__(self, code: CloseCode, field: str, value: object, expected: str) -> None:
+        self.code, self.field, self.expected = code, field, expected
+        self.value = value if isinstance(value, str) else repr(value)
+        if len(self.value) > 80:
+            self.value = self.value[:77] + "..."
+        super().__init__(f"{field}: {self.value}: expected {expected}")
+
+
+class Reader:
+    """Checked access to a decoded map; `path` names it in errors."""
+
+    def __init__(self, fields: object, path: str = "") -> None:
+        if not isinstance(fields, dict):
+            raise ProtocolError(CloseCode.MALFORMED, path or "message", type(fields).__name__, "a map")
+        self._fields, self._path = fields, path
+
+    def fail(
+        self, name: str, value: object, expected: str, code: CloseCode = CloseCode.VALUE
+    ) -> ProtocolError:
+        """The error of a field."""
+        return ProtocolError(code, f"{self._path}.{name}" if self._path else name, value, expected)
+
+    def has(self, name: str) -> bool:
+        """Whether an optional field is there and not nil."""
+        return self._fields.get(name) is not None
+
+    def _get(self, name: str, kinds: tuple[type, ...], expected: str) -> Any:
+        if name not in self._fields:
+            raise self.fail(name, "missing", expected, CloseCode.MALFORMED)
+        value = self._fields[name]
+        if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+            raise self.fail(name, value, expected, CloseCode.MALFORMED)
+        return value
+
+    def integer(self, name: str, low: int, high: int) -> int:
+        """An integer within bounds; true and false are none."""
+        expected = f"an integer from {low} to {high}"
+        value: int = self._get(name, (int,), expected)
+        if not low <= value <= high:
+            raise self.fail(name, value, expected)
+        return value
+
+    def number(self, name: str, low: float = -MAX_NUMBER, high: float = MAX_NUMBER) -> float:
+        """A finite number within bounds."""
+        expected = f"a number from {low:g} to {high:g}"
+        value = self._get(name, (int, float), expected)
+        if not low <= value <= high:
+            raise self.fail(name, value, expected)
+        return float(value)
+
+    def flag(self, name: str) -> bool:
+        """True or false."""
+        return bool(self._get(name, (bool,), "true or false"))
+
+    def text(self, name: str, longest: int = 200) -> str:
+        """A string of bounded length."""
+        expected = f"a string of at most {longest} characters"
+        value: str = self._get(name, (str,), expected)
+        if len(value) > longest:
+            raise self.fail(name, value, expected)
+        return value
+
+    def choice(self, name: str, options: Iterable[str]) -> str:
+        """One of a few strings."""
+        expected = "one of " + ", ".join(options)
+        value: str = self._get(name, (str,), expected)
+        if value not in options:
+            raise self.fail(name, value, expected)
+        return value
+
+    def data(self, name: str) -> bytes:
+        """Binary data."""
+        value: bytes = self._get(name, (bytes,), "binary data")
+        return value
+
+    def items(self, name: str, low: int, high: int) -> list[Any]:
+        """An array of bounded length."""
+        expected = f"an array of {low} to {high} items" if low < high else f"an array of {low} items"
+        value: list[Any] = self._get(name, (list,), expected)
+        if not low <= len(value) <= high:
+            raise self.fail(name, f"{len(value)} items", expected)
+        return value
+
+    def numbers(self, name: str, count: int) -> tuple[float, ...]:
+        """That many finite numbers."""
+        values = self.items(name, count, count)
+        for value in values:
+            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MAX_NUMBER:
+                raise self.fail(name, values, f"{count} finite numbers")
+        return tuple(map(float, values))
+
+    def vector(self, name: str) -> Vector:
+        """Three finite numbers."""
+        x, y, z = self.numbers(name, 3)
+        return x, y, z
+
+    def quaternion(self, name: str) -> Quaternion:
+        """A unit quaternion."""
+        a, b, c, d = self.numbers(name, 4)
+        if not abs(math.sqrt(a * a + b * b + c * c + d * d) - 1.0) < 1e-3:
+            raise self.fail(name, [a, b, c, d], "a unit quaternion")
+        return a, b, c, d
+
+    def child(self, name: str) -> Reader:
+        """A nested map."""
+        return Reader(self._get(name, (dict,), "a map"), f"{self._path}.{name}" if self._path else name)
+
+    def children(self, name: str, low: int, high: int) -> list[Reader]:
+        """An array of maps."""
+        path = f"{self._path}.{name}" if self._path else name
+        return [Reader(item, f"{path}[{i}]") for i, item in enumerate(self.items(name, low, high))]
+
+    def scalars(self, name: str, most: int = 64) -> dict[str, Any]:
+        """A map of strings to scalars."""
+        fields: dict[str, Any] = self._get(name, (dict,), "a map")
+        for key, value in fields.items():
+            if not isinstance(key, str) or not isinstance(value, str | int | float | bool | None):
+                raise self.fail(name, {key: value}, "a map of strings to scalars", CloseCode.MALFORMED)
+        if len(fields) > most:
+            raise self.fail(name, f"{len(fields)} items", f"at most {most}")
+        return fields

@@ -1,0 +1,118 @@
+"""Textures, depth codes and views as the protocol carries them. Heavy work: call it in a worker thread."""
+
+from __future__ import annotations
+
+import dataclasses
+import zlib
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+from farside.engine import colour
+from farside.engine.camera import Camera
+from farside.engine.frame import Texture, View
+
+from .protocol import CloseCode, DepthData, Picture, ProtocolError, ViewData
+
+__all__ = ["decode_depth", "decode_texture", "decode_view", "encode_depth", "encode_texture", "encode_view"]
+
+Codes = npt.NDArray[np.uint16]
+
+
+def encode_texture(texture: Texture, encoding: str, quality: int = 90) -> Picture:
+    """A texture as JPEG or as raw planes."""
+    if encoding == "jpeg":
+        return Picture(encoding, (colour.encode_jpeg(texture, quality),))
+    return Picture(encoding, tuple(_bytes(plane) for plane in (texture.y, texture.cb, texture.cr)))
+
+
+def decode_texture(picture: Picture, height: int, width: int, name: str = "texture") -> Texture:
+    """The texture in a picture of a known size; raises ProtocolError."""
+    if picture.encoding == "jpeg":
+        try:
+            return colour.decode_jpeg(picture.planes[0], height, width)
+        except ValueError as error:
+            _, value, expected = str(error).split(": ", 2)
+            raise ProtocolError(CloseCode.SIZE, name, value, expected.removeprefix("expected ")) from error
+    chroma = (height + 1) // 2, (width + 1) // 2
+    shapes = {"y": (height, width), "cb": chroma, "cr": chroma}
+    planes = (
+        _array(plane, shape, f"{name}.{field}", 1023)
+        for plane, (field, shape) in zip(picture.planes, shapes.items(), strict=True)
+    )
+    return Texture(*planes)
+
+
+def encode_depth(codes: Codes, encoding: str) -> DepthData:
+    """Depth codes as they are (raw) or as deflated differences along the rows (zlib): lossless both."""
+    if encoding == "raw":
+        return DepthData(encoding, _bytes(codes))
+    differences = np.diff(codes, axis=1, prepend=np.uint16(0))
+    low_high = np.stack([differences & 0xFF, differences >> 8]).astype(np.uint8)
+    return DepthData(encoding, zlib.compress(low_high.tobytes(), 1))
+
+
+def decode_depth(depth: DepthData, height: int, width: int, max_code: int = 0xFFFF) -> Codes:
+    """The codes (uint16 [h, w]) in a message; raises ProtocolError."""
+    if depth.encoding == "raw":
+        return _array(depth.data, (height, width), "depth.data", max_code)
+    expected = 2 * height * width
+    inflate = zlib.decompressobj()
+    try:
+        planes = inflate.decompress(depth.data, expected + 1)  # never more than announced
+    except zlib.error as error:
+        raise ProtocolError(CloseCode.MALFORMED, "depth.data", str(error), "a zlib stream") from error
+    if len(planes) != expected or not inflate.eof:
+        value = f"{len(planes)} bytes inflated" + ("" if inflate.eof else ", and more to come")
+        raise ProtocolError(CloseCode.SIZE, "depth.data", value, f"{expected} bytes for {width}x{height}")
+    low, high = np.frombuffer(planes, np.uint8).reshape(2, height, width)
+    differences = low.astype(np.uint16) | (high.astype(np.uint16) << 8)
+    codes: Codes = np.cumsum(differences, axis=1, dtype=np.uint16)  # modulo 2^16, as the differences are
+    return _in_range(codes, "depth.data", max_code)
+
+
+def encode_view(
+    view: View, frame: int, *, texture: str = "raw", depth: str = "raw", quality: int = 90
+) -> ViewData:
+    """The message of a view; the pose goes along."""
+    camera = view.camera
+    picture, codes = encode_texture(view.texture, texture, quality), encode_depth(view.codes, depth)
+    return ViewData(frame, camera.name, camera.width, camera.height, picture, codes, camera.pose)
+
+
+def decode_view(message: ViewData, cameras: Mapping[str, Camera]) -> View:
+    """The view in a message of one of the announced cameras; raises ProtocolError."""
+    camera = cameras.get(message.camera)
+    if camera is None:
+        raise ProtocolError(CloseCode.CAMERA, "camera", message.camera, "one of " + ", ".join(cameras))
+    size = message.width, message.height
+    if size != (camera.width, camera.height):
+        value = f"{size[0]}x{size[1]}"
+        expected = f"{camera.width}x{camera.height}, as announced for {camera.name}"
+        raise ProtocolError(CloseCode.SIZE, "resolution", value, expected)
+    if message.pose is not None:
+        camera = dataclasses.replace(camera, pose=message.pose)
+    texture = decode_texture(message.texture, camera.height, camera.width)
+    return View(
+        camera, texture, decode_depth(message.depth, camera.height, camera.width, camera.depth.max_code)
+    )
+
+
+def _bytes(plane: Codes) -> bytes:
+    return np.ascontiguousarray(plane, "<u2").tobytes()
+
+
+def _array(data: bytes, shape: tuple[int, int], name: str, largest: int) -> Codes:
+    expected = 2 * shape[0] * shape[1]
+    if len(data) != expected:
+        raise ProtocolError(
+            CloseCode.SIZE, name, f"{len(data)} bytes", f"{expected} for {shape[1]}x{shape[0]}"
+        )
+    # A copy: kernels want memory that is theirs, aligned and writable.
+    return _in_range(np.frombuffer(data, "<u2").reshape(shape).astype(np.uint16), name, largest)
+
+
+def _in_range(codes: Codes, name: str, largest: int) -> Codes:
+    if largest < 0xFFFF and (highest := int(codes.max())) > largest:
+        raise ProtocolError(CloseCode.VALUE, name, highest, f"codes of at most {largest}")
+    return codes

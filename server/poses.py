@@ -1,0 +1,110 @@
+"""Viewers: poses in, stereo pictures out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from farside.engine.camera import Camera, Perspective, Pose
+from farside.engine.live import HeadPose, LiveViewer, Source
+from farside.engine.stereo import StereoPicture, StereoView
+from starlette.websockets import WebSocket
+
+from .pictures import encode_texture
+from .protocol import (
+    MAX_CONTROL_BYTES,
+    CloseCode,
+    PoseUpdate,
+    ProtocolError,
+    Scene,
+    Stereo,
+    ViewerHello,
+    decode,
+    encode,
+    pose_from_wire,
+    pose_to_wire,
+    vector_from_wire,
+)
+from .service import Service, conversation, race, receive, send
+
+__all__ = ["home_pose", "serve_viewer"]
+
+
+async def serve_viewer(socket: WebSocket, service: Service) -> None:
+    """One viewer's connection, from hello to close."""
+    async with conversation(socket):
+        client, hello = await service.greet(socket, ViewerHello)
+        if service.live.viewer_count >= service.settings.max_viewers:
+            limit = service.settings.max_viewers
+            raise ProtocolError(CloseCode.BUSY, "viewers", service.live.viewer_count, f"fewer than {limit}")
+        with service.live.viewer(client, _view_of(hello)) as viewer:
+            await service.welcome(socket, client)
+            quality = service.settings.engine().jpeg_quality
+            pictures = viewer.run(
+                lambda wanted, picture: _finish(hello, viewer, quality, wanted, picture),
+                socket.send_bytes,
+                lambda source: send(socket, _scene(hello.axes, source)),
+            )
+            await race(pictures, _receive_poses(socket, viewer, hello.axes))
+
+
+def _view_of(hello: ViewerHello) -> StereoView:
+    left, right = (
+        Perspective.from_tangents(hello.width, hello.height, *eye) for eye in (hello.left, hello.right)
+    )
+    return StereoView(Pose(), hello.ipd, left, right)
+
+
+async def _receive_poses(socket: WebSocket, viewer: LiveViewer[PoseUpdate], axes: str) -> None:
+    last = -1
+    while True:
+        update = decode(await receive(socket), PoseUpdate, limit=MAX_CONTROL_BYTES)
+        if update.seq <= last:
+            raise ProtocolError(CloseCode.ORDER, "seq", update.seq, f"more than {last}")
+        last = update.seq
+        velocity = None if update.velocity is None else vector_from_wire(axes, update.velocity)
+        pose = pose_from_wire(axes, update.position, update.orientation)
+        viewer.look(HeadPose(pose, update.time, update, velocity))
+
+
+def _finish(
+    hello: ViewerHello,
+    viewer: LiveViewer[PoseUpdate],
+    quality: int,
+    wanted: HeadPose[PoseUpdate],
+    picture: StereoPicture,
+) -> bytes:
+    """The message of a picture; in the render thread."""
+    left, right = (
+        encode_texture(eye.texture, hello.encoding, quality) for eye in (picture.left, picture.right)
+    )
+    pose = wanted.tag
+    return encode(
+        Stereo(
+            pose.seq,
+            pose.time,
+            pose.position,
+            pose.orientation,
+            picture.frame_index,
+            hello.width,
+            hello.height,
+            left,
+            right,
+            picture.stages,
+            picture.holes,
+            viewer.dropped,
+        )
+    )
+
+
+def _scene(axes: str, source: Source) -> Scene:
+    position, orientation = pose_to_wire(axes, home_pose(source.cameras))
+    return Scene(source.name, source.fps, len(source.cameras), position, orientation)
+
+
+def home_pose(cameras: tuple[Camera, ...]) -> Pose:
+    """Where a viewer starts: amid the cameras, level, looking where they look on average."""
+    position = np.mean([camera.pose.position for camera in cameras], axis=0)
+    ahead = np.mean([camera.pose.rotation()[:, 0] for camera in cameras], axis=0)
+    yaw = math.atan2(ahead[1], ahead[0]) if math.hypot(ahead[0], ahead[1]) > 0.1 else 0.0
+    return Pose.from_euler(position, yaw, 0.0, 0.0)

@@ -1,0 +1,138 @@
+"""What all connections share: the live engine, the server's settings, who the source is."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import hmac
+import logging
+import secrets
+import time
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any, TypeVar
+
+from farside.engine.live import Live
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+
+from .protocol import (
+    CloseCode,
+    Error,
+    Message,
+    ProtocolError,
+    SourceHello,
+    ViewerHello,
+    Welcome,
+    decode,
+    encode,
+)
+from .settings import ServerSettings
+
+__all__ = ["CREDITS", "Service", "conversation", "race", "receive"]
+
+_log = logging.getLogger(__name__)
+CREDITS = 3  # frames of a source: one being taken, one waiting, one arriving
+Hello = TypeVar("Hello", ViewerHello, SourceHello)
+
+
+@dataclass(slots=True)
+class Service:
+    """The state of one run of the server."""
+
+    live: Live
+    settings: ServerSettings
+    session: str = field(default_factory=lambda: secrets.token_hex(4))
+    started: float = field(default_factory=time.monotonic)
+    source_client: str | None = None
+    _numbers: Any = field(default_factory=lambda: count(1))
+
+    def authorised(self, token: str) -> bool:
+        """Whether a client with this token may take part."""
+        return hmac.compare_digest(token.encode(), self.settings.token.encode()) or not self.settings.token
+
+    async def greet(self, socket: WebSocket, kind: type[Hello]) -> tuple[str, Hello]:
+        """Await a client's hello: its id here and what it said; raises ProtocolError."""
+        try:
+            async with asyncio.timeout(self.settings.hello_timeout_s):
+                data = await receive(socket)
+        except TimeoutError as error:
+            waited = f"nothing for {self.settings.hello_timeout_s:g} s"
+            raise ProtocolError(CloseCode.TIMEOUT, "hello", waited, "a hello") from error
+        hello = decode(data, kind)
+        if not self.authorised(hello.token):
+            raise ProtocolError(CloseCode.TOKEN, "token", "another", "the server's token")
+        return f"{kind.ROLE}-{next(self._numbers)}", hello
+
+    async def welcome(self, socket: WebSocket, client: str) -> None:
+        """Answer a hello that was in order."""
+        settings = dataclasses.asdict(self.settings.engine())
+        limit = self.settings.max_message_bytes
+        await send(socket, Welcome(self.session, client, settings, CREDITS, limit))
+
+    def status(self) -> dict[str, Any]:
+        """Figures for people and monitors."""
+        return {
+            "session": self.session,
+            "uptime_s": time.monotonic() - self.started,
+            "source_connected": self.source_client is not None,
+            **self.live.status(),
+        }
+
+
+async def receive(socket: WebSocket) -> bytes:
+    """The next binary message; raises WebSocketDisconnect at the end and ProtocolError for text."""
+    event = await socket.receive()
+    if event["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(event.get("code", 1005))
+    data: bytes | None = event.get("bytes")
+    if data is None:
+        raise ProtocolError(CloseCode.MALFORMED, "message", "text", "a binary message")
+    return data
+
+
+async def send(socket: WebSocket, message: Message) -> None:
+    """Send a message."""
+    await socket.send_bytes(encode(message))
+
+
+@asynccontextmanager
+async def conversation(socket: WebSocket) -> AsyncIterator[None]:
+    """Accept a client; what it does wrong is told to it and ends this connection, nothing else."""
+    await socket.accept()
+    try:
+        yield
+    except WebSocketDisconnect:
+        pass
+    except ProtocolError as error:
+        await _refuse(socket, error)
+    except Exception as error:  # a boundary: the client is told, the service goes on
+        _log.exception("connection failed")
+        message = f"{type(error).__name__}: {error}"
+        await _refuse(socket, ProtocolError(CloseCode.INTERNAL, "server", message, "no such error"))
+
+
+async def _refuse(socket: WebSocket, error: ProtocolError) -> None:
+    _log.warning("client refused: %s", error)
+    if socket.client_state is not WebSocketState.CONNECTED:
+        return
+    reason = str(error).encode()[:120].decode(errors="ignore")  # a close frame holds 123 bytes
+    try:
+        await send(socket, Error.of(error))
+        await socket.close(int(error.code), reason)
+    except (WebSocketDisconnect, RuntimeError):
+        _log.info("it was gone before it could be told")
+
+
+async def race(*coroutines: Coroutine[Any, Any, None]) -> None:
+    """Run until one ends or fails; the others are cancelled and awaited."""
+    tasks = [asyncio.create_task(coroutine) for coroutine in coroutines]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

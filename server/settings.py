@@ -1,0 +1,46 @@
+"""Server configuration: arguments, or environment variables FARSIDE_*."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from farside.engine.settings import Settings
+from pydantic import Field
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from .protocol import MAX_MESSAGE_BYTES
+
+__all__ = ["ServerSettings"]
+
+
+class ServerSettings(BaseSettings):
+    """How to serve, and how the engine is to work. Loaded once."""
+
+    model_config = SettingsConfigDict(env_prefix="FARSIDE_", frozen=True)
+
+    host: str = "127.0.0.1"
+    port: int = Field(8765, ge=0, le=65535)  # 0: any free one
+    token: str = ""  # empty: everyone may connect
+    quality: Literal["fast", "balanced", "best"] = "balanced"
+    views: int | None = Field(None, ge=1)  # n_render
+    init: int | None = Field(None, ge=1)  # n_init
+    update: int | None = Field(None, ge=1)  # n_update
+    background: bool = True
+    jpeg_quality: int | None = Field(None, ge=1, le=100)
+    render_workers: int = Field(2, ge=1, le=64)
+    max_viewers: int = Field(8, ge=1)
+    max_message_bytes: int = Field(MAX_MESSAGE_BYTES, ge=1 << 16)
+    hello_timeout_s: float = Field(10.0, gt=0)
+    shutdown_timeout_s: int = Field(5, ge=1)
+    log_level: Literal["critical", "error", "warning", "info", "debug"] = "warning"
+
+    def engine(self) -> Settings:
+        """The engine's settings: the quality's preset with what was given on top."""
+        given = {
+            "n_render": self.views,
+            "n_init": self.init,
+            "n_update": self.update,
+            "jpeg_quality": self.jpeg_quality,
+            "background": self.background,
+        }
+        return Settings.preset(self.quality, **{k: v for k, v in given.items() if v is not None})
