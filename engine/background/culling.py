@@ -8,47 +8,70 @@ so that none can mark it again.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..embree import MarkQuery
-from ..kernels.culling import flag_unmarked, mark_centroids, mark_grid
-from .pbs import ProbableBackgroundSurface
+from ..kernels.culling import mark_grid, mark_through
+from .pbs import ProbableBackgroundSurface, Surface
 
-__all__ = ["cull_unmarked", "mark_background"]
+__all__ = ["cull_unmarked", "mark_background", "mark_small"]
+
+FloatArray = npt.NDArray[np.float64]
 
 
 def mark_background(
-    pbs: ProbableBackgroundSurface,
-    camera: int,
-    packed: npt.NDArray[np.float64],
-    stride: int,
-    delta_m: float,
+    pbs: ProbableBackgroundSurface, camera: int, packed: FloatArray, stride: int, delta_m: float
 ) -> int:
     """Casts a camera's culling rays and renews its marks; returns the number of rays.
 
-    Two rays for every stride-th pixel both ways, and one through the centroid of each triangle of the camera's own
-    that these have missed: an error-bounded mesh has triangles smaller than the stride. Each ray that hits is
-    followed by a complementary one.
+    Two rays for every stride-th pixel both ways, each that hits followed by a complementary one. `packed` is
+    the camera as kernels take it.
     """
-    word, bits = camera // 64, np.uint64(1 << (camera % 64))
+    word, bit = camera // 64, np.uint64(1 << (camera % 64))
     for surface in pbs.surfaces():
-        surface.marks[:, word] &= ~bits
-    signed = int(bits.astype(np.int64))
-    query = MarkQuery(pbs.marks_table, word, int(bits))
+        surface.marks[:, word] &= ~bit
+    query = MarkQuery(pbs.marks_table, word, int(bit))
     rays = mark_grid(
-        pbs.intersect, pbs.scene, query.address, packed, pbs.bounds, stride, delta_m, pbs.marks_table, word, signed
-    )
-    for surface in pbs.surfaces_of(camera):
-        rays += mark_centroids(
-            pbs.intersect, pbs.scene, query.address, packed, pbs.bounds,
-            surface.mesh.uv, surface.mesh.triangles, surface.invalid,
-            delta_m, pbs.marks_table, word, signed, surface.marks,
+        pbs.intersect, pbs.scene, query.address, packed, pbs.bounds, stride, delta_m,
+        pbs.marks_table, word, bit.astype(np.int64),
+    )  # fmt: skip
+    return int(rays)
+
+
+def mark_small(pbs: ProbableBackgroundSurface, packed: Sequence[FloatArray], delta_m: float) -> int:
+    """Gives unmarked triangles, which the rays may have missed, one ray from each camera through their centroid.
+
+    An error-bounded mesh has triangles smaller than any stride; without this they would be culled wherever they
+    stand. Returns the number of rays.
+    """
+    corners = [s.mesh.points[s.mesh.triangles[_unmarked(s)]] for s in pbs.surfaces()]
+    points = np.concatenate([np.empty((0, 3), np.float32), *(c.mean(axis=1) for c in corners)])
+    rays = 0
+    for camera, own in enumerate(packed if len(points) else ()):
+        word, bit = camera // 64, np.uint64(1 << (camera % 64))
+        query = MarkQuery(pbs.marks_table, word, int(bit))
+        rays += mark_through(
+            pbs.intersect, pbs.scene, query.address, own, pbs.bounds, points, delta_m,
+            pbs.marks_table, word, bit.astype(np.int64),
         )  # fmt: skip
     return int(rays)
 
 
 def cull_unmarked(pbs: ProbableBackgroundSurface) -> int:
     """Flags as invalid what no camera has marked; returns how many triangles were valid before."""
-    return sum(int(flag_unmarked(surface.marks, surface.invalid)) for surface in pbs.surfaces())
+    count = 0
+    for surface in pbs.surfaces():
+        unmarked = _unmarked(surface)
+        surface.invalid[unmarked] = 1
+        count += int(np.count_nonzero(unmarked))
+    return count
+
+
+def _unmarked(surface: Surface) -> npt.NDArray[np.bool_]:  # [m]
+    """Which valid triangles have no mark."""
+    unmarked: npt.NDArray[np.bool_] = (surface.invalid == 0) & ~surface.marks.any(axis=1)
+    return unmarked

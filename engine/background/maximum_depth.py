@@ -8,7 +8,7 @@ import numpy.typing as npt
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..camera import Camera, Equirectangular
 from ..frame import Texture, View
-from ..kernels.maximum_depth import update_maximum_depth
+from ..kernels.maximum_depth import mark_provisional, update_maximum_depth
 from .tolerances import Tolerances
 
 __all__ = ["MaximumDepthImage", "coding_row"]
@@ -24,15 +24,19 @@ class MaximumDepthImage:
     """Depth codes and colour of the farthest surface per pixel, and what the P-PBS has to know of each.
 
     codes uint16 [h, w], texture 10 bit 4:2:0; updated uint8 [h, w]: changed since the camera's last turn;
-    kept uint8 [h, w]: belongs to the P-PBS. The arrays stay where they are for life.
+    kept uint8 [h, w]: belongs to the P-PBS; provisional uint8 [h, w]: the colour was seen at the rim of something
+    nearer. `edge` is a depth edge's disparity step, 1/m. The arrays stay where they are for life.
     """
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: View, edge: float) -> None:
         self.camera = view.camera
         self.codes = view.codes.astype(np.uint16)
         self.texture = Texture(*(np.array(p, np.uint16) for p in _planes(view.texture)))
         self.updated = np.zeros(self.codes.shape, np.uint8)
         self.kept = np.zeros(self.codes.shape, np.uint8)
+        self.provisional = np.zeros(self.codes.shape, np.uint8)
+        self._edge = min(round(edge / view.camera.depth.step), view.camera.depth.max_code)
+        mark_provisional(self.codes, self._edge, self.provisional)
         self.pending = 0  # updates since the camera's last turn, pixels counted as often as they changed
         self._counts = np.zeros((self.codes.shape[0] + 1) // 2, np.int64)
 
@@ -40,21 +44,20 @@ class MaximumDepthImage:
         """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels."""
         coding = self.camera.depth
         update_maximum_depth(
-            view.codes, *_planes(view.texture), self.codes, *_planes(self.texture), self.updated, self._counts,
-            coding.offset, coding.step, coding.has_invalid,
-            tolerances.margin_m, tolerances.margin_disparity(coding),
+            view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
+            self.updated, self.provisional, self._counts, coding.offset, coding.step, coding.has_invalid,
+            tolerances.margin_m, tolerances.margin_disparity(coding), self._edge,
         )  # fmt: skip
         count = int(self._counts.sum())
         self.pending += count
         return count
 
-    def table_row(self, edge: float) -> list[int]:
-        """The image as `kernels.background_image` reads it; `edge` is a depth edge's disparity step, 1/m."""
+    def table_row(self) -> list[int]:
+        """The image as `kernels.background_image` reads it."""
         projection = self.camera.projection
         wraps = isinstance(projection, Equirectangular) and projection.wraps
         addresses = [plane.ctypes.data for plane in (*_planes(self.texture), self.codes)]
-        edge_codes = min(round(edge / self.camera.depth.step), 0xFFFF)
-        return [*addresses, self.camera.width, self.camera.height, int(wraps), edge_codes]
+        return [*addresses, self.camera.width, self.camera.height, int(wraps), self._edge]
 
 
 def _planes(texture: Texture) -> tuple[npt.NDArray[np.uint16], ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ from ..scene import Scene
 from ..settings import Settings
 from ..triangulation import triangulate
 from .coverage import choose_views, farther_pixels
-from .culling import cull_unmarked, mark_background
+from .culling import cull_unmarked, mark_background, mark_small
 from .maximum_depth import MaximumDepthImage, coding_row
 from .pbs import ProbableBackgroundSurface, Surface
 from .tolerances import Tolerances, scene_tolerances
@@ -112,16 +112,17 @@ class BackgroundModel:
         report = UpdateReport(frame.index, tuple(camera.name for camera in self.cameras))
         self._tolerances = scene_tolerances(frame.views, self.settings)
         with _timed(report, "maximum_depth"):
-            self._images = [MaximumDepthImage(view) for view in frame.views]
-            for c, image in enumerate(self._images):
-                self._image_table[c] = image.table_row(self._options[c].edge)
+            self._images = [
+                MaximumDepthImage(view, options.edge)
+                for view, options in zip(frame.views, self._options, strict=True)
+            ]
+            self._image_table[:] = [image.table_row() for image in self._images]
         with _timed(report, "triangulate"):
             self._build_static(frame.views)
         with _timed(report, "commit"):
             self._pbs.commit()
         with _timed(report, "culling"):
-            report.rays = sum(self._mark(c) for c in range(len(self.cameras)))
-            report.culled = self._cull()
+            self._cull(range(len(self.cameras)), report)
         with _timed(report, "commit"), self._lock:
             self._pbs.compact_static()
             self._pbs.commit()
@@ -153,9 +154,7 @@ class BackgroundModel:
             self._pbs.commit()
         with _timed(report, "culling"):
             # Where no geometry has changed since a camera's last rays, they would find the same again.
-            stale = [c for c in group if self._cast_version[c] != self._pbs.version]
-            report.rays += sum(self._mark(c) for c in stale)
-            report.culled = self._cull() if stale else 0
+            self._cull([c for c in group if self._cast_version[c] != self._pbs.version], report)
         return report
 
     def _take_turn(self, c: int, report: UpdateReport) -> None:
@@ -210,13 +209,16 @@ class BackgroundModel:
         if before is not None:
             inherit_marks(mesh.uv, mesh.triangles, numbers, before.marks, surface.marks)
 
-    def _mark(self, c: int) -> int:
-        self._cast_version[c] = self._pbs.version
-        return mark_background(self._pbs, c, self._packed[c], self.settings.culling_stride, self.delta)
-
-    def _cull(self) -> int:
+    def _cull(self, cameras: Iterable[int], report: UpdateReport) -> None:
+        """Renews the marks of some cameras, and flags what no camera's marks are left on."""
+        for c in cameras:
+            self._cast_version[c] = self._pbs.version
+            report.rays += mark_background(
+                self._pbs, c, self._packed[c], self.settings.culling_stride, self.delta
+            )
+        report.rays += mark_small(self._pbs, self._packed, self.delta)
         with self._lock:
-            return cull_unmarked(self._pbs)
+            report.culled += cull_unmarked(self._pbs)
 
     # What is made of it
 

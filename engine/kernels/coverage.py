@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +15,22 @@ __all__ = ["keep_farther"]
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
 F64 = npt.NDArray[np.float64]
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _hides_all(codes: U16, coding: F64, u: float, v: float, limit: float) -> bool:
+    """Whether the four pixels around (u, v) all see something at least as far as `limit`, metres.
+
+    All four, so that meshes overlap by a pixel where one ends at the rim of something nearer.
+    """
+    h, w = codes.shape
+    x0, y0 = math.floor(u - 0.5), math.floor(v - 0.5)
+    for k in range(4):
+        x, y = min(max(int(x0) + (k & 1), 0), w - 1), min(max(int(y0) + (k >> 1), 0), h - 1)
+        code = codes[y, x]
+        if code < coding[2] or 1.0 / (coding[0] + coding[1] * max(float(code), coding[3])) < limit:
+            return False
+    return True
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
@@ -34,10 +52,7 @@ def keep_farther(
             depth = 1.0 / (coding[0] + coding[1] * max(float(code), coding[3]))
             px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, depth)
             u, v, there = project_point(earlier_camera, px, py, pz)
-            if not (there > 0.0 and u >= 0.0 and v >= 0.0 and u < ew and v < eh):
-                continue
-            seen = earlier_codes[int(v), int(u)]
-            if seen < earlier_coding[2]:
-                continue
-            if there <= 1.0 / (earlier_coding[0] + earlier_coding[1] * max(float(seen), earlier_coding[3])) + tolerance_m:
-                keep[y, x] = 0
+            if there > 0.0 and u >= 0.0 and v >= 0.0 and u < ew and v < eh:
+                limit = there - tolerance_m
+                if _hides_all(earlier_codes, earlier_coding, u, v, limit):
+                    keep[y, x] = 0

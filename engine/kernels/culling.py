@@ -6,15 +6,13 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from .project import project_point
 from .rays import INVALID_ID, intersect1, or_u64, outside_ray
 
-__all__ = ["flag_unmarked", "mark_centroids", "mark_grid"]
+__all__ = ["mark_grid", "mark_through"]
 
-U8 = npt.NDArray[np.uint8]
-U64 = npt.NDArray[np.uint64]
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
-I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 
 # Toward the centroids of the two triangles that a pixel owns in the quad to its north-east (Fig. 4), a little.
@@ -71,37 +69,14 @@ def mark_grid(
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def mark_centroids(
-    function: int, scene: int, query: int, camera: F64, bounds: F64, uv: F32, triangles: I32, invalid: U8,
-    delta: float, marks: I64, word: int, bits: int, own: U64,
+def mark_through(
+    function: int, scene: int, query: int, camera: F64, bounds: F64, points: F32,
+    delta: float, marks: I64, word: int, bits: int,
 ) -> int:  # fmt: skip
-    """One ray through the centroid of each of the camera's own triangles that is valid and not marked yet.
-
-    uv [n, 2], triangles [m, 3], invalid [m] and own [m, words] are of one of the camera's surfaces. Returns
-    the number of rays cast.
-    """
+    """One ray through each of the points [n, 3] that the camera has in its picture; returns the rays cast."""
     rays = 0
-    for i in numba.prange(triangles.shape[0]):
-        if invalid[i] == 0 and numba.int64(own[i, word]) & bits == 0:
-            a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
-            u = (uv[a, 0] + uv[b, 0] + uv[c, 0]) / 3.0
-            v = (uv[a, 1] + uv[b, 1] + uv[c, 1]) / 3.0
-            rays += _mark_along(
-                function, scene, query, camera, bounds, u, v, delta, marks, word, bits
-            )
+    for i in numba.prange(points.shape[0]):
+        u, v, depth = project_point(camera, points[i, 0], points[i, 1], points[i, 2])
+        if depth > 0.0 and u >= 0.0 and v >= 0.0 and u < camera[1] and v < camera[2]:
+            rays += _mark_along(function, scene, query, camera, bounds, u, v, delta, marks, word, bits)
     return rays
-
-
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def flag_unmarked(own: U64, invalid: U8) -> int:
-    """Flags triangles without any mark as invalid; returns how many were still valid."""
-    count = 0
-    for i in numba.prange(own.shape[0]):
-        if invalid[i] == 0:
-            marked = False
-            for word in range(own.shape[1]):
-                marked |= own[i, word] != 0
-            if not marked:
-                invalid[i] = 1
-                count += 1
-    return count
