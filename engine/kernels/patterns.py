@@ -36,9 +36,7 @@ Colour = tuple[float, float, float]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def hash_unit(x: int, y: int, z: int, seed: int) -> float:
-    """Lattice point and seed -> a number in [0, 1), the same on every machine."""
-    n = (x * 73856093) ^ (y * 19349663) ^ (z * 83492791) ^ (seed * 2654435761)
+def _scramble(n: int) -> float:
     n &= 0xFFFFFFFF
     n ^= n >> 16
     n = (n * 0x7FEB352D) & 0xFFFFFFFF
@@ -49,18 +47,35 @@ def hash_unit(x: int, y: int, z: int, seed: int) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
+def hash_unit(x: int, y: int, z: int, seed: int) -> float:
+    """Lattice point and seed -> a number in [0, 1), the same on every machine."""
+    return _scramble((x * 73856093) ^ (y * 19349663) ^ (z * 83492791) ^ (seed * 2654435761))
+
+
+@numba.njit(cache=True, error_model="numpy")
 def value_noise(x: float, y: float, z: float, seed: int) -> float:
-    """Smooth noise in [-1, 1] with one random value a lattice point."""
-    ix, iy, iz = math.floor(x), math.floor(y), math.floor(z)
-    fx, fy, fz = x - ix, y - iy, z - iz
-    i, j, k = int(ix), int(iy), int(iz)
+    """Smooth noise in [-1, 1] with one random value (`hash_unit`) a lattice point."""
+    i, j, k = math.floor(x), math.floor(y), math.floor(z)
+    fx, fy, fz = x - i, y - j, z - k
     fx, fy, fz = fx * fx * (3 - 2 * fx), fy * fy * (3 - 2 * fy), fz * fz * (3 - 2 * fz)
-    total = 0.0
-    for corner in range(8):
-        a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
-        weight = (fx if a else 1 - fx) * (fy if b else 1 - fy) * (fz if c else 1 - fz)
-        total += weight * hash_unit(i + a, j + b, k + c, seed)
-    return 2.0 * total - 1.0
+    x0, x1 = i * 73856093, (i + 1) * 73856093
+    y0, y1 = j * 19349663, (j + 1) * 19349663
+    z0, z1 = (k * 83492791) ^ (seed * 2654435761), ((k + 1) * 83492791) ^ (seed * 2654435761)
+    a, b, c, d = (
+        _scramble(x0 ^ y0 ^ z0),
+        _scramble(x1 ^ y0 ^ z0),
+        _scramble(x0 ^ y1 ^ z0),
+        _scramble(x1 ^ y1 ^ z0),
+    )
+    e, f, g, h = (
+        _scramble(x0 ^ y0 ^ z1),
+        _scramble(x1 ^ y0 ^ z1),
+        _scramble(x0 ^ y1 ^ z1),
+        _scramble(x1 ^ y1 ^ z1),
+    )
+    a, c, e, g = a + fx * (b - a), c + fx * (d - c), e + fx * (f - e), g + fx * (h - g)
+    a, e = a + fy * (c - a), e + fy * (g - e)
+    return 2.0 * (a + fz * (e - a)) - 1.0
 
 
 @numba.njit(cache=True, error_model="numpy")

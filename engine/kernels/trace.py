@@ -1,9 +1,10 @@
 """Ray tracing of scenes made of boxes, ellipsoids, capsules and cylinders.
 
-A part is a row of PART_SIZE numbers: [0] kind, [1] material, [2:5] centre, [5:14] rotation world from part
-(row-major), [14:17] size: half edges of a box, half axes of an ellipsoid, (radius, radius, half length of the
-axis) of a capsule or cylinder along z. A group is a bounding sphere over consecutive parts: [0:3] centre,
-[3] radius, [4:6] first part and one past the last. A lamp: [0:3] position, [3] strength, [4] reach in metres.
+A part is a row of PART_SIZE numbers: [0:3] centre, [3] radius of the sphere about it that holds the part,
+[4] kind, [5:14] rotation world from part (row-major), [14:17] size: half edges of a box, half axes of an
+ellipsoid, (radius, radius, half length of the axis) of a capsule or cylinder along z, [17] material.
+A group is a bounding sphere over consecutive parts: [0:3] centre, [3] radius, [4:6] first part and one past
+the last. A lamp: [0:3] position, [3] strength, [4] reach in metres.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from .project import PERSPECTIVE, unproject_point
 
 __all__ = ["BOX", "CAPSULE", "CYLINDER", "ELLIPSOID", "PART_SIZE", "trace_picture"]
 
-PART_SIZE = 17
+PART_SIZE = 18
 BOX, ELLIPSOID, CAPSULE, CYLINDER = range(4)
 AMBIENT = 0.38
 TILE = 16  # pixels; the groups that a tile may see are sought once for all its rays
@@ -30,7 +31,7 @@ IndexArray = npt.NDArray[np.int64]
 Vector = tuple[float, float, float]
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _to_part(parts: FloatArray, i: int, x: float, y: float, z: float) -> Vector:
     return (
         parts[i, 5] * x + parts[i, 8] * y + parts[i, 11] * z,
@@ -39,7 +40,7 @@ def _to_part(parts: FloatArray, i: int, x: float, y: float, z: float) -> Vector:
     )
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _hit_box(o: Vector, d: Vector, size: Vector) -> float:
     near, far = 0.0, math.inf
     for axis in range(3):
@@ -52,7 +53,7 @@ def _hit_box(o: Vector, d: Vector, size: Vector) -> float:
     return near if 0.0 < near <= far else math.inf
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _first_root(a: float, b: float, c: float) -> float:
     """Smaller root of a t^2 + 2 b t + c, where a surface is entered from outside; inf if none is ahead."""
     discriminant = b * b - a * c
@@ -62,7 +63,7 @@ def _first_root(a: float, b: float, c: float) -> float:
     return t if t > 0.0 else math.inf
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _hit_ellipsoid(o: Vector, d: Vector, size: Vector) -> float:
     ox, oy, oz = o[0] / size[0], o[1] / size[1], o[2] / size[2]
     dx, dy, dz = d[0] / size[0], d[1] / size[1], d[2] / size[2]
@@ -71,7 +72,7 @@ def _hit_ellipsoid(o: Vector, d: Vector, size: Vector) -> float:
     )
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _hit_round(o: Vector, d: Vector, size: Vector, flat: bool) -> float:
     """A cylinder about z, closed by discs where `flat`, else by half spheres."""
     radius, half = size[0], size[2]
@@ -97,10 +98,10 @@ def _hit_round(o: Vector, d: Vector, size: Vector, flat: bool) -> float:
 
 @numba.njit(cache=True, error_model="numpy")
 def _hit_part(parts: FloatArray, i: int, o: Vector, d: Vector) -> float:
-    local_o = _to_part(parts, i, o[0] - parts[i, 2], o[1] - parts[i, 3], o[2] - parts[i, 4])
+    local_o = _to_part(parts, i, o[0] - parts[i, 0], o[1] - parts[i, 1], o[2] - parts[i, 2])
     local_d = _to_part(parts, i, d[0], d[1], d[2])
     size = (parts[i, 14], parts[i, 15], parts[i, 16])
-    kind = int(parts[i, 0])
+    kind = int(parts[i, 4])
     if kind == BOX:
         return _hit_box(local_o, local_d, size)
     if kind == ELLIPSOID:
@@ -108,12 +109,12 @@ def _hit_part(parts: FloatArray, i: int, o: Vector, d: Vector) -> float:
     return _hit_round(local_o, local_d, size, kind == CYLINDER)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
-def _meets_group(groups: FloatArray, g: int, o: Vector, d: Vector, spread: float, limit: float) -> bool:
-    """Whether a ray within `spread` radians of d may meet the group's sphere before `limit`."""
-    x, y, z = groups[g, 0] - o[0], groups[g, 1] - o[1], groups[g, 2] - o[2]
+@numba.njit(cache=True, error_model="numpy")
+def _meets(spheres: FloatArray, i: int, o: Vector, d: Vector, spread: float, limit: float) -> bool:
+    """Whether a ray within `spread` radians of d may meet sphere i before `limit`."""
+    x, y, z = spheres[i, 0] - o[0], spheres[i, 1] - o[1], spheres[i, 2] - o[2]
     squared = x * x + y * y + z * z
-    radius = groups[g, 3] + spread * math.sqrt(squared)
+    radius = spheres[i, 3] + spread * math.sqrt(squared)
     if squared <= radius * radius:
         return True
     length = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
@@ -130,7 +131,7 @@ def _candidates(groups: FloatArray, first: int, o: Vector, d: Vector, spread: fl
     starts = np.empty(groups.shape[0] - first)
     count = 0
     for g in range(first, groups.shape[0]):
-        if _meets_group(groups, g, o, d, spread, math.inf):
+        if _meets(groups, g, o, d, spread, math.inf):
             x, y, z = groups[g, 0] - o[0], groups[g, 1] - o[1], groups[g, 2] - o[2]
             start = math.sqrt(x * x + y * y + z * z) - groups[g, 3]
             k = count
@@ -150,18 +151,19 @@ def _nearest(
     best, best_part = math.inf, -1
     for k in range(candidates.shape[0]):
         g = candidates[k]
-        if _meets_group(groups, g, o, d, 0.0, best):
+        if _meets(groups, g, o, d, 0.0, best):
             for i in range(int(groups[g, 4]), int(groups[g, 5])):
-                t = _hit_part(parts, i, o, d)
-                if t < best:
-                    best, best_part = t, i
+                if _meets(parts, i, o, d, 0.0, best):
+                    t = _hit_part(parts, i, o, d)
+                    if t < best:
+                        best, best_part = t, i
     return best, best_part
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _surface(parts: FloatArray, i: int, p: Vector) -> tuple[Vector, float, float, float, float]:
     """At a point of part i, in its axes: (outward normal, u, v and their half ranges in metres)."""
-    kind = int(parts[i, 0])
+    kind = int(parts[i, 4])
     a, b, c = parts[i, 14], parts[i, 15], parts[i, 16]
     if kind == BOX:
         x, y, z = abs(p[0]) / a, abs(p[1]) / b, abs(p[2]) / c
@@ -211,7 +213,7 @@ def _shade(
     if i < 0:
         return 0.0, 0.0, 0.0
     world = (o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2])
-    p = _to_part(parts, i, world[0] - parts[i, 2], world[1] - parts[i, 3], world[2] - parts[i, 4])
+    p = _to_part(parts, i, world[0] - parts[i, 0], world[1] - parts[i, 1], world[2] - parts[i, 2])
     local_n, u, v, half_u, half_v = _surface(parts, i, p)
     n = (
         parts[i, 5] * local_n[0] + parts[i, 6] * local_n[1] + parts[i, 7] * local_n[2],
@@ -221,12 +223,12 @@ def _shade(
     length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     cosine = abs(n[0] * d[0] + n[1] * d[1] + n[2] * d[2]) / length
     footprint = max(pixel_rad * t * length / max(cosine, 0.1), 1e-6)
-    r, g, b = pattern_colour(materials, int(parts[i, 1]), p[0], p[1], p[2], u, v, half_u, half_v, footprint)
+    r, g, b = pattern_colour(materials, int(parts[i, 17]), p[0], p[1], p[2], u, v, half_u, half_v, footprint)
     light = _light(lamps, world, n)
     return r * light, g * light, b * light
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _ray(camera: FloatArray, u: float, v: float) -> Vector:
     """Direction through a pixel coordinate, as long as one unit of the camera's depth."""
     x, y, z = unproject_point(camera, u, v, 1.0)
@@ -256,7 +258,10 @@ def _block_meets(
     d = _ray(camera, column + 1.0, row + 1.0)
     near = False
     for k in range(candidates.shape[0]):
-        near = near or _meets_group(groups, candidates[k], o, d, spread, math.inf)
+        g = candidates[k]
+        if not near and _meets(groups, g, o, d, spread, math.inf):
+            for i in range(int(groups[g, 4]), int(groups[g, 5])):
+                near = near or _meets(parts, i, o, d, spread, math.inf)
     if not near:
         return False
     for y in range(row, row + 2):

@@ -38,7 +38,8 @@ class Part:
 
     def row(self) -> FloatArray:  # [PART_SIZE]
         """The part as the ray tracer reads it."""
-        return np.concatenate([[self.kind, self.material], self.centre, self.rotation.ravel(), self.size])
+        radius = self.radius() * (1 + 1e-9)  # rounding must not drop a ray that grazes the sphere
+        return np.array([*self.centre, radius, self.kind, *self.rotation.ravel(), *self.size, self.material])
 
 
 Group = list[Part]  # parts that lie close together: one piece of furniture, one person
@@ -122,7 +123,6 @@ def pack(groups: Sequence[Group]) -> tuple[FloatArray, FloatArray]:  # [n, PART_
         centres, radii = np.array([p.centre for p in group]), np.array([p.radius() for p in group])
         low, high = (centres - radii[:, None]).min(0), (centres + radii[:, None]).max(0)
         middle = 0.5 * (low + high)
-        # A little slack, so that rounding never drops a part that touches its sphere.
         radius = float((np.linalg.norm(centres - middle, axis=1) + radii).max()) * (1 + 1e-9)
         sphere[:] = *middle, radius, start, start + len(group)
         start += len(group)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +15,10 @@ from .furniture import armchair, bench, bookcase, column, picture, plant, room, 
 from .parts import Group, Palette, box, capsule, cylinder, ellipsoid, pack, placed, turn
 from .people import Actor, Clothes, Path, ball, carton, frog, stander, walker
 
-__all__ = ["TWINS", "Scene", "make_scene"]
+__all__ = ["TWINS", "Packed", "Scene", "make_scene"]
 
 FloatArray = npt.NDArray[np.float64]
+Packed = tuple[FloatArray, FloatArray]  # parts and groups, as `kernels.trace` reads them
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +31,17 @@ class Scene:
     static: Sequence[Group]
     actors: Sequence[Actor]
 
-    def packed(self, time: float, background_only: bool = False) -> tuple[FloatArray, FloatArray, int]:
-        """Parts and groups at `time` (seconds) and how many of the groups stand still; these come first."""
-        moving = [] if background_only else [actor(time) for actor in self.actors]
-        parts, groups = pack([*self.static, *moving])
-        return parts, groups, len(self.static)
+    @cached_property
+    def background(self) -> Packed:
+        """What stands still, packed."""
+        return pack(self.static)
+
+    def packed(self, time: float) -> Packed:
+        """Everything at `time` in seconds, packed: the background, then the actors."""
+        parts, groups = self.background
+        moving_parts, moving_groups = pack([actor(time) for actor in self.actors])
+        moving_groups[:, 4:6] += len(parts)
+        return np.concatenate([parts, moving_parts]), np.concatenate([groups, moving_groups])
 
 
 def make_scene(name: str, seed: int = 0) -> Scene:

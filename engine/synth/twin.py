@@ -17,7 +17,7 @@ from ..kernels.depth_noise import perturb_codes
 from ..kernels.trace import trace_picture
 from ..tmiv import SequenceWriter
 from .rigs import Rig, twin_cameras
-from .scenes import Scene, make_scene
+from .scenes import Packed, Scene, make_scene
 
 __all__ = ["FPS", "Twin", "make_twin", "render_view", "twin_frame", "write_twin"]
 
@@ -40,6 +40,7 @@ class Twin:
     depth_noise: float
     samples: int = 2
     _static: dict[Camera, View] = field(default_factory=dict)
+    _moments: dict[int, Packed] = field(default_factory=dict)  # the latest instant only
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -62,7 +63,6 @@ class Twin:
 
     def truth(self, camera: Camera, index: int) -> View:
         """What a camera sees in a frame, without errors: as `render_view`, but sooner for fixed cameras."""
-        parts_of = self.scene.packed(index / FPS)
         if camera not in self._static:
             self._static[camera] = render_view(
                 self.scene, camera, 0.0, samples=self.samples, background_only=True
@@ -70,7 +70,7 @@ class Twin:
         still = self._static[camera]
         texture = Texture(still.texture.y.copy(), still.texture.cb.copy(), still.texture.cr.copy())
         view = View(camera, texture, still.codes.copy())
-        _trace(self.scene, view, parts_of, self.samples, first=parts_of[2])
+        _trace(self.scene, view, self._packed(index), self.samples, first=len(self.scene.static))
         return view
 
     def view(self, name: str, index: int) -> View:
@@ -81,6 +81,12 @@ class Twin:
         else:
             view = self.truth(camera, index)
         return self._with_errors(view, index) if self.depth_noise else view
+
+    def _packed(self, index: int) -> Packed:
+        if index not in self._moments:
+            self._moments.clear()
+            self._moments[index] = self.scene.packed(index / FPS)
+        return self._moments[index]
 
     def _with_errors(self, view: View, index: int) -> View:
         out, depth = np.empty_like(view.codes), view.camera.depth
@@ -115,7 +121,7 @@ def render_view(
     half = ((height + 1) // 2, (width + 1) // 2)
     texture = Texture(*(np.zeros(shape, np.uint16) for shape in ((height, width), half, half)))
     view = View(camera, texture, np.zeros((height, width), np.uint16))
-    _trace(scene, view, scene.packed(time, background_only), samples, first=0)
+    _trace(scene, view, scene.background if background_only else scene.packed(time), samples, first=0)
     return view
 
 
@@ -156,11 +162,11 @@ def write_twin(
 def _trace(
     scene: Scene,
     view: View,
-    packed: tuple[FloatArray, FloatArray, int],
+    packed: Packed,
     samples: int,
     first: int,
 ) -> None:
-    parts, groups, _ = packed
+    parts, groups = packed
     depth = view.camera.depth
     coding = np.array([depth.offset, depth.step, depth.min_code, depth.max_code])
     texture = view.texture
