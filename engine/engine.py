@@ -19,7 +19,7 @@ from .scene import Scene
 from .selection import select_views
 from .settings import Settings
 from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
-from .warping import Canvas, PreparedView, directions_of
+from .warping import Canvas, PreparedView, Target, ViewTable
 
 __all__ = ["BackEndReport", "Engine", "Viewer"]
 
@@ -42,6 +42,7 @@ class _FrontBuffer:
     frame: Frame
     scene: Scene
     views: tuple[PreparedView, ...]
+    present: ViewTable
     backdrops: Mapping[str, PreparedView] = field(default_factory=dict)  # by viewer
 
 
@@ -106,7 +107,7 @@ class Engine:
             for viewer in (viewers or {}).values():
                 for k in self._select(viewer, views, scene):
                     views[k].mesh()
-        self._front = _FrontBuffer(frame, scene, views, backdrops)
+        self._front = _FrontBuffer(frame, scene, views, ViewTable(views), backdrops)
         return BackEndReport(frame.index, stages, report)
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
@@ -173,7 +174,7 @@ class Engine:
         views = [front.views[k] for k in chosen]
         backdrop = front.backdrops.get(viewer) if viewer is not None else None
         report = PictureReport(tuple(prepared.view.camera.name for prepared in views))
-        packed, directions = camera.packed(front.scene.origin), directions_of(camera)
+        target = Target(camera, front.scene.origin)
         near = 0.02 * front.scene.coding.near
         with self._canvas(camera) as canvas:
             with _timed(report.stages, "warp"):
@@ -182,18 +183,17 @@ class Engine:
                     mesh = prepared.mesh()
                     report.warped += len(mesh.triangles)
                     margin = 2 * prepared.options.tolerance + prepared.view.camera.depth.step
-                    canvas.draw(mesh, packed, directions, number, near=near, margin=margin)
+                    canvas.draw(mesh, target, number, near, margin)
                 report.holes_warped = report.holes_backdrop = hole_fraction(canvas.disparity)
             with _timed(report.stages, "backdrop"):
                 if backdrop is not None:
-                    mesh = backdrop.mesh()
-                    report.warped += len(mesh.triangles)
-                    canvas.draw(mesh, packed, directions, len(views), near=near, push=self._push(front.scene))
+                    report.warped += len(backdrop.mesh().triangles)
+                    canvas.draw_backdrop(backdrop, front.present, target, len(views), near, self._push())
                     report.holes_backdrop = hole_fraction(canvas.disparity)
                     views.append(backdrop)
             with _timed(report.stages, "shade"):
                 if views:
-                    canvas.shade(packed, views, len(chosen), self.settings.blend)
+                    canvas.shade(target, ViewTable(views), len(chosen), self.settings.blend)
             with _timed(report.stages, "fill"):
                 report.holes_filled = report.holes_backdrop
                 if self.settings.fill and 0 < report.holes_backdrop < 1:
@@ -202,7 +202,7 @@ class Engine:
                 texture = canvas.texture()
             return RenderedPicture(camera, texture, canvas.disparity.copy(), canvas.winner.copy(), report)
 
-    def _push(self, scene: Scene) -> float:
+    def _push(self) -> float:
         """Metres by which the backdrop is moved backwards (section 3.4.2)."""
         assert self._model is not None
         return self._model.delta

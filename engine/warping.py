@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +14,11 @@ import numpy.typing as npt
 from .camera import Camera, Equirectangular, Perspective
 from .frame import Texture, View
 from .kernels import fill as fill_kernels
-from .kernels import rasterise, shade
+from .kernels import composite, rasterise, shade
 from .mesh import Mesh
 from .triangulation import TriangulationOptions, triangulate
 
-__all__ = ["Canvas", "PreparedView", "directions_of", "pixels_per_radian"]
+__all__ = ["Canvas", "PreparedView", "Target", "ViewTable", "pixels_per_radian"]
 
 _BANDS = 16
 _CHUNKS = 4
@@ -32,7 +33,7 @@ def pixels_per_radian(camera: Camera) -> float:
     return min(p.width / (p.hor_range[1] - p.hor_range[0]), p.height / (p.ver_range[1] - p.ver_range[0]))
 
 
-@dataclass(slots=True)
+@dataclass
 class PreparedView:
     """A view with what warping needs of it; its mesh is made when first asked for, by one thread."""
 
@@ -49,7 +50,8 @@ class PreparedView:
                 self._mesh = triangulate(self.view.camera, self.view.codes, self.options, origin=self.origin)
             return self._mesh
 
-    def table_row(self) -> npt.NDArray[np.float64]:
+    @cached_property
+    def table_row(self) -> npt.NDArray[np.float64]:  # [TABLE_SIZE]
         """The view as `kernels.shade` reads it."""
         camera, row = self.view.camera, np.zeros(shade.TABLE_SIZE)
         row[: shade.OFFSET] = camera.packed(self.origin)
@@ -61,10 +63,23 @@ class PreparedView:
         row[shade.SHARPNESS] = pixels_per_radian(camera)
         return row
 
-    def addresses(self) -> list[int]:
-        """Addresses of the codes and of the colour planes."""
+    @cached_property
+    def addresses(self) -> npt.NDArray[np.int64]:  # [4]
+        """Addresses of the codes and of the colour planes, which must be C-contiguous."""
         texture = self.view.texture
-        return [plane.ctypes.data for plane in (self.view.codes, texture.y, texture.cb, texture.cr)]
+        planes = (self.view.codes, texture.y, texture.cb, texture.cr)
+        if not all(plane.flags.c_contiguous and plane.dtype == np.uint16 for plane in planes):
+            raise ValueError(f"view {self.view.camera.name}: planes: expected C-contiguous uint16")
+        return np.array([plane.ctypes.data for plane in planes], np.int64)
+
+
+class ViewTable:
+    """Views as `kernels.shade` reads them; keeps their arrays alive."""
+
+    def __init__(self, views: Sequence[PreparedView]) -> None:
+        self.views = tuple(views)
+        self.rows = np.stack([view.table_row for view in views])
+        self.addresses = np.stack([view.addresses for view in views])
 
 
 class Canvas:
@@ -77,6 +92,8 @@ class Canvas:
         shape = (height, width)
         self.disparity = np.zeros(shape, np.float32)
         self.winner = np.zeros(shape, np.uint8)
+        self._backdrop = np.zeros(shape, np.float32)
+        self._nobody = np.zeros(shape, np.uint8)
         self.planes = (np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32))
         self._band_rows = max(1, math.ceil(height / _BANDS))
         self._counts = np.empty((_CHUNKS, math.ceil(height / self._band_rows)), np.int64)
@@ -89,11 +106,27 @@ class Canvas:
         for plane in self.planes:
             plane.fill(_GREY)
 
-    def draw(
-        self, mesh: Mesh, camera: npt.NDArray[np.float64], directions: tuple[npt.NDArray[np.float32], ...],
-        number: int, *, near: float, margin: float = 0.0, push: float = 0.0,
+    def draw(self, mesh: Mesh, target: Target, number: int, near: float, margin: float) -> None:
+        """Draw a view's mesh as view `number`; it wins a pixel where it is nearer by `margin` (disparity)."""
+        self._rasterise(mesh, target, number, near, margin, 0.0, self.disparity, self.winner)
+
+    def draw_backdrop(
+        self, backdrop: PreparedView, present: ViewTable, target: Target, number: int, near: float, push: float
+    ) -> None:
+        """Lay a backdrop behind what was drawn, `push` metres farther away than it is (section 3.4.2).
+
+        What one of the present views looks through is a ghost of the past and left out.
+        """
+        self._backdrop.fill(0.0)
+        self._rasterise(backdrop.mesh(), target, number, near, 0.0, push, self._backdrop, self._nobody)
+        composite.lay_backdrop(
+            self._backdrop, target.packed, present.rows, present.addresses, push, number, self.disparity, self.winner
+        )
+
+    def _rasterise(
+        self, mesh: Mesh, target: Target, number: int, near: float, margin: float, push: float,
+        disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8],
     ) -> None:  # fmt: skip
-        """Draw a mesh as view `number` onto a packed camera (see `directions_of`)."""
         if len(mesh.points) > len(self._screen):
             self._screen = np.empty((len(mesh.points) + len(mesh.points) // 4, 4), np.float32)
         chunk = math.ceil(len(mesh.triangles) / _CHUNKS)
@@ -102,22 +135,20 @@ class Canvas:
             self._lists = np.empty(needed + needed // 4, np.int32)
         lists = self._lists[:needed].reshape(*self._counts.shape, chunk)
         screen = self._screen[: len(mesh.points)]
+        camera = target.packed
         rasterise.transform_points(mesh.points, camera, screen)
         rasterise.sort_into_bands(screen, mesh.triangles, camera, near, self._band_rows, self._counts, lists)
         rasterise.draw_bands(
-            screen, mesh.triangles, camera, *directions, near, self._band_rows, self._counts, lists,
-            number, margin, push, self.disparity, self.winner,
+            screen, mesh.triangles, camera, target.columns, target.rows, near, self._band_rows,
+            self._counts, lists, number, margin, push, disparity, winner,
         )  # fmt: skip
 
-    def shade(
-        self, camera: npt.NDArray[np.float64], views: Sequence[PreparedView], n_views: int, blend: int
-    ) -> None:
+    def shade(self, target: Target, views: ViewTable, n_views: int, blend: int) -> None:
         """Colour what was drawn; views after the first n_views are backdrops."""
-        table = np.stack([view.table_row() for view in views])
-        table[:, shade.SHARPNESS] *= _radians_a_pixel(camera)
-        addresses = np.array([view.addresses() for view in views], np.int64)
+        table = views.rows.copy()
+        table[:, shade.SHARPNESS] *= target.radians_a_pixel
         shade.shade(
-            self.disparity, self.winner, camera, table, addresses, n_views, blend, *self.planes
+            self.disparity, self.winner, target.packed, table, views.addresses, n_views, blend, *self.planes
         )
 
     def texture(self) -> Texture:
@@ -129,11 +160,16 @@ class Canvas:
         return out
 
 
-def _radians_a_pixel(camera: npt.NDArray[np.float64]) -> float:
-    return float(1.0 / abs(camera[3])) if camera[0] == 0.0 else float(camera[4])
+class Target:
+    """A virtual camera as kernels read it."""
+
+    def __init__(self, camera: Camera, origin: npt.NDArray[np.float64]) -> None:
+        self.packed = camera.packed(origin)
+        self.columns, self.rows = _directions(camera)
+        self.radians_a_pixel = 1.0 / pixels_per_radian(camera)
 
 
-def directions_of(camera: Camera) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def _directions(camera: Camera) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Cosines and sines [w, 2] of an equirectangular camera's azimuths and [h, 2] of its elevations."""
     p = camera.projection
     if not isinstance(p, Equirectangular):

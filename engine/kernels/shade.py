@@ -23,7 +23,7 @@ from numba.extending import intrinsic
 
 from .project import CAMERA_SIZE, project_point, unproject_point
 
-__all__ = ["EDGE", "OFFSET", "STEP", "TABLE_SIZE", "TOLERANCE", "MIN_CODE", "INVALID", "SHARPNESS", "shade"]
+__all__ = ["EDGE", "OFFSET", "STEP", "TABLE_SIZE", "TOLERANCE", "MIN_CODE", "INVALID", "SHARPNESS", "load_texel", "shade"]
 
 OFFSET = CAMERA_SIZE  # disparity of code 0
 STEP = CAMERA_SIZE + 1  # disparity of a code step
@@ -44,7 +44,7 @@ U16 = npt.NDArray[np.uint16]
 
 
 @intrinsic  # type: ignore[misc]
-def _load_u16(typingctx: Any, address: Any, index: Any) -> Any:
+def load_texel(typingctx: Any, address: Any, index: Any) -> Any:
     """The uint16 at address + 2 * index: pictures of different views are reached through one table."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -83,8 +83,8 @@ def _fetch(
     x1 = (ix + 1) % width if wraps else min(ix + 1, width - 1)
     y1 = min(iy + 1, height - 1)
     a, b, c, d = iy * width + x0, iy * width + x1, y1 * width + x0, y1 * width + x1
-    ca, cb = _load_u16(addresses[0], a), _load_u16(addresses[0], b)
-    cc, cd = _load_u16(addresses[0], c), _load_u16(addresses[0], d)
+    ca, cb = load_texel(addresses[0], a), load_texel(addresses[0], b)
+    cc, cd = load_texel(addresses[0], c), load_texel(addresses[0], d)
     wa, wb, wc, wd = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
     low, high = min(min(ca, cb), min(cc, cd)), max(max(ca, cb), max(cc, cd))
     whole = high - low <= row[EDGE] and (low > 0 or row[INVALID] == 0.0)
@@ -116,11 +116,11 @@ def _fetch(
         u = ix + 0.5 + wb + wd
         v = iy + 0.5 + wc + wd
     luma = (
-        wa * _load_u16(addresses[1], a) + wb * _load_u16(addresses[1], b)
-        + wc * _load_u16(addresses[1], c) + wd * _load_u16(addresses[1], d)
+        wa * load_texel(addresses[1], a) + wb * load_texel(addresses[1], b)
+        + wc * load_texel(addresses[1], c) + wd * load_texel(addresses[1], d)
     )  # fmt: skip
     at = _chroma_index(u, v, width, height)
-    return luma, float(_load_u16(addresses[2], at)), float(_load_u16(addresses[3], at)), min(share, 1.0)
+    return luma, float(load_texel(addresses[2], at)), float(load_texel(addresses[3], at)), min(share, 1.0)
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
