@@ -72,7 +72,7 @@ def test_kernels_agree_with_cameras(
     projection: Projection, pose: Pose, s: float, t: float, depth: float
 ) -> None:
     camera = Camera("v", projection, pose, CODING)
-    origin = np.asarray(pose.position) + np.array([0.5, -0.25, 1.0])  # the kernels' positions are relative to it
+    origin = np.asarray(pose.position) + np.array([0.5, -0.25, 1.0])  # where the kernels count from
     packed = camera.packed(origin)
     u, v = s * projection.width, t * projection.height
     near = unproject_point(packed, u, v, depth)
