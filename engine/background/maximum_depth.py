@@ -8,7 +8,7 @@ import numpy.typing as npt
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..camera import Camera, Equirectangular
 from ..frame import Texture, View
-from ..kernels.maximum_depth import mark_provisional, update_maximum_depth
+from ..kernels.maximum_depth import PHASES, prepare_maximum_depth, update_maximum_depth
 from .tolerances import Tolerances
 
 __all__ = ["MaximumDepthImage", "coding_row"]
@@ -28,25 +28,26 @@ class MaximumDepthImage:
     nearer. `edge` is a depth edge's disparity step, 1/m. The arrays stay where they are for life.
     """
 
-    def __init__(self, view: View, edge: float) -> None:
+    def __init__(self, view: View, tolerances: Tolerances, edge: float) -> None:
         self.camera = view.camera
         self.codes = view.codes.astype(np.uint16)
         self.texture = Texture(*(np.array(p, np.uint16) for p in _planes(view.texture)))
         self.updated = np.zeros(self.codes.shape, np.uint8)
         self.kept = np.zeros(self.codes.shape, np.uint8)
         self.provisional = np.zeros(self.codes.shape, np.uint8)
-        self._edge = min(round(edge / view.camera.depth.step), view.camera.depth.max_code)
-        mark_provisional(self.codes, self._edge, self.provisional)
+        self._limits = np.empty(self.codes.shape, np.uint16)  # below which a new code is farther; kept up to date
+        self._rules = _rules(view.camera, tolerances, edge)
+        prepare_maximum_depth(self.codes, self._rules, self._limits, self.provisional)
+        self._phase = 0
         self.pending = 0  # updates since the camera's last turn, pixels counted as often as they changed
         self._counts = np.zeros((self.codes.shape[0] + 1) // 2, np.int64)
 
-    def update(self, view: View, tolerances: Tolerances) -> int:
+    def update(self, view: View) -> int:
         """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels."""
-        coding = self.camera.depth
+        self._phase = (self._phase + 1) % PHASES
         update_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self.updated, self.provisional, self._counts, coding.offset, coding.step, coding.has_invalid,
-            tolerances.margin_m, tolerances.margin_disparity(coding), self._edge,
+            self._limits, self.updated, self.provisional, self._counts, self._rules, self._phase,
         )  # fmt: skip
         count = int(self._counts.sum())
         self.pending += count
@@ -57,7 +58,15 @@ class MaximumDepthImage:
         projection = self.camera.projection
         wraps = isinstance(projection, Equirectangular) and projection.wraps
         addresses = [plane.ctypes.data for plane in (*_planes(self.texture), self.codes)]
-        return [*addresses, self.camera.width, self.camera.height, int(wraps), self._edge]
+        return [*addresses, self.camera.width, self.camera.height, int(wraps), int(self._rules[5])]
+
+
+def _rules(camera: Camera, tolerances: Tolerances, edge: float) -> npt.NDArray[np.float64]:  # [6]
+    """What `kernels.maximum_depth` compares by."""
+    coding = camera.depth
+    edge_codes = min(round(edge / coding.step), coding.max_code)
+    margins = tolerances.margin_m, tolerances.margin_disparity(coding)
+    return np.array([coding.offset, coding.step, float(coding.has_invalid), *margins, edge_codes])
 
 
 def _planes(texture: Texture) -> tuple[npt.NDArray[np.uint16], ...]:

@@ -23,7 +23,7 @@ from ..scene import Scene
 from ..settings import Settings
 from ..triangulation import triangulate
 from .coverage import choose_views, farther_pixels
-from .culling import cull_unmarked, mark_background, mark_small
+from .culling import cull_unmarked, mark_background, mark_unseen
 from .maximum_depth import MaximumDepthImage, coding_row
 from .pbs import ProbableBackgroundSurface, Surface
 from .tolerances import Tolerances, scene_tolerances
@@ -113,7 +113,7 @@ class BackgroundModel:
         self._tolerances = scene_tolerances(frame.views, self.settings)
         with _timed(report, "maximum_depth"):
             self._images = [
-                MaximumDepthImage(view, options.edge)
+                MaximumDepthImage(view, self._tolerances, options.edge)
                 for view, options in zip(frame.views, self._options, strict=True)
             ]
             self._image_table[:] = [image.table_row() for image in self._images]
@@ -147,7 +147,7 @@ class BackgroundModel:
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
         with _timed(report, "maximum_depth"):
             for image, view in zip(self._images, frame.views, strict=True):
-                report.updated += image.update(view, self._tolerances)
+                report.updated += image.update(view)
         for c in group:
             self._take_turn(c, report)
         with _timed(report, "commit"):
@@ -216,7 +216,7 @@ class BackgroundModel:
             report.rays += mark_background(
                 self._pbs, c, self._packed[c], self.settings.culling_stride, self.delta
             )
-        report.rays += mark_small(self._pbs, self._packed, self.delta)
+        report.rays += mark_unseen(self._pbs, self._packed, self.delta)
         with self._lock:
             report.culled += cull_unmarked(self._pbs)
 

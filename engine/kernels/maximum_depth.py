@@ -8,12 +8,14 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["TILE", "farther_than", "mark_provisional", "update_maximum_depth"]
+__all__ = ["PHASES", "farther_than", "prepare_maximum_depth", "update_maximum_depth"]
 
-TILE = 64  # columns that are compared at once before any is written; even, for the 2x2 of the chroma planes
+TILE = 64  # columns that are compared at once before any is written
+PHASES = 8  # provisional colours are looked at again in every so many frames, other rows in each
 
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
+F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
 
 
@@ -23,9 +25,9 @@ def farther_than(
 ) -> float:
     """The code below which a surface is farther than `code` by a nontrivial amount: both margins are exceeded."""
     if has_invalid and code == 0:
-        return np.float32(math.inf)
-    disparity = offset + step * np.float32(code)
-    limit = min(disparity / (np.float32(1.0) + margin_m * disparity), disparity - margin_disparity)
+        return math.inf
+    disparity = offset + step * code
+    limit = min(disparity / (1.0 + margin_m * disparity), disparity - margin_disparity)
     return (limit - offset) / step
 
 
@@ -40,71 +42,97 @@ def _beside_nearer(codes: U16, row: int, x: int, edge: int) -> bool:
     return False
 
 
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _limit(code: int, rules: F64) -> int:
+    """A code's row in `limits`: new - lowest < limit, in wrapping 16-bit arithmetic, says "valid and farther"."""
+    limit = farther_than(code, rules[0], rules[1], rules[2] > 0.0, rules[3], rules[4]) - rules[2]
+    return int(min(max(math.ceil(limit), 0.0), 65535.0))
+
+
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def mark_provisional(codes: U16, edge: int, provisional: U8) -> None:
-    """Sets provisional [h, w] to 1 where a pixel's colour may be mixed with that of something nearer, else 0."""
+def prepare_maximum_depth(codes: U16, rules: F64, limits: U16, provisional: U8) -> None:
+    """Fills limits and provisional [h, w] of a first view: 1 where a colour may be mixed with something nearer's.
+
+    rules: offset, step, smallest valid code (0 or 1), margins in metres and 1/m, depth edge in codes.
+    """
     for row in numba.prange(codes.shape[0]):
         for x in range(codes.shape[1]):
-            provisional[row, x] = _beside_nearer(codes, row, x, edge)
+            limits[row, x] = _limit(codes[row, x], rules)
+            provisional[row, x] = _beside_nearer(codes, row, x, int(rules[5]))
+
+
+@numba.njit(inline="always", cache=True)
+def _any_farther(new: U16, limits: U16, lowest: int) -> bool:
+    """Over TILE pixels of a row; without branches and in 16 bits, so that it is vectorised."""
+    found = np.uint16(0)
+    for x in range(TILE):
+        found = np.uint16(found | np.uint16(np.uint16(new[x] - lowest) < limits[x]))
+    return found != 0
+
+
+@numba.njit(inline="always", cache=True)
+def _any_set(flags: U8) -> bool:
+    found = np.uint8(0)
+    for x in range(TILE):
+        found |= flags[x]
+    return found != 0
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def update_maximum_depth(
-    new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16,
-    codes: U16, y: U16, cb: U16, cr: U16, updated: U8, provisional: U8, counts: I64,
-    offset: float, step: float, has_invalid: bool, margin_m: float, margin_disparity: float, edge: int,
+    new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
+    limits: U16, updated: U8, provisional: U8, counts: I64, rules: F64, phase: int,
 ) -> None:  # fmt: skip
     """Takes over depth and colour where the new view is farther by a nontrivial amount, or sees something first.
 
-    codes, y, updated, provisional [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; counts [(h + 1) // 2]: pixels
-    updated per pair of rows. `updated` is set to 1 there and never cleared. A provisional colour is replaced as
-    soon as the same surface is seen away from depth edges (steps of more than `edge` codes).
+    codes, y, limits, updated, provisional [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; counts [(h + 1) // 2]:
+    pixels updated per pair of rows. `updated` is set to 1 there and never cleared. A provisional colour is
+    replaced when the same surface is seen away from depth edges, within PHASES calls with a `phase` that counts up.
     """
     h, w = codes.shape
-    lowest = 1 if has_invalid else 0
-    offset_, step_ = np.float32(offset), np.float32(step)
-    metres, disparity = np.float32(margin_m), np.float32(margin_disparity)
+    lowest = np.uint16(rules[2])
     for pair in numba.prange((h + 1) // 2):
-        count = 0
-        for x0 in range(0, w, TILE):
-            x1 = min(x0 + TILE, w)
-            found = 0
-            for row in range(2 * pair, min(2 * pair + 2, h)):
-                for x in range(x0, x1):  # no branches: this loop is vectorised, and is all that most tiles need
-                    limit = farther_than(codes[row, x], offset_, step_, has_invalid, metres, disparity)
-                    found |= (np.float32(new_codes[row, x]) < limit) & (new_codes[row, x] >= lowest)
-                    found |= provisional[row, x] != 0
+        count, last = 0, min(2 * pair + 2, h)
+        for start in range(0, w, TILE):
+            x0 = max(min(start, w - TILE), 0)  # the last tile overlaps the one before
+            found = w < TILE
+            if not found:
+                for row in range(2 * pair, last):
+                    found |= _any_farther(new_codes[row, x0 : x0 + TILE], limits[row, x0 : x0 + TILE], lowest)
+                    if (pair - phase) % PHASES == 0:
+                        found |= _any_set(provisional[row, x0 : x0 + TILE])
             if found:
-                for x in range(x0, x1, 2):
+                for column in range(x0 // 2, (min(x0 + TILE, w) + 1) // 2):
                     count += _update_quad(
-                        pair, x, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, updated, provisional,
-                        offset_, step_, has_invalid, lowest, metres, disparity, edge,
+                        pair, column, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, limits, updated,
+                        provisional, rules,
                     )  # fmt: skip
         counts[pair] = count
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _update_quad(
-    pair: int, x0: int, new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16,
-    codes: U16, y: U16, cb: U16, cr: U16, updated: U8, provisional: U8,
-    offset: float, step: float, has_invalid: bool, lowest: int, metres: float, disparity: float, edge: int,
+    pair: int, column: int, new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16,
+    cr: U16, limits: U16, updated: U8, provisional: U8, rules: F64,
 ) -> int:  # fmt: skip
     """The 2x2 pixels that share one chroma sample; returns how many of them were updated."""
     h, w = codes.shape
+    lowest, edge = int(rules[2]), int(rules[5])
     count, coloured, foreground = 0, 0, 0
     for row in range(2 * pair, min(2 * pair + 2, h)):
-        for x in range(x0, min(x0 + 2, w)):
-            new, old = new_codes[row, x], codes[row, x]
+        for x in range(2 * column, min(2 * column + 2, w)):
+            new, old = int(new_codes[row, x]), int(codes[row, x])
             if new < lowest:
                 continue
-            if new < farther_than(old, offset, step, has_invalid, metres, disparity):
+            if new - lowest < limits[row, x]:
                 codes[row, x] = new
+                limits[row, x] = _limit(new, rules)
                 y[row, x] = new_y[row, x]
                 updated[row, x] = 1
                 provisional[row, x] = _beside_nearer(new_codes, row, x, edge)
                 count += 1
                 coloured += 1
-            elif old < farther_than(new, offset, step, has_invalid, metres, disparity):
+            elif old - lowest < _limit(new, rules):
                 foreground += 1
             elif provisional[row, x] != 0 and not _beside_nearer(new_codes, row, x, edge):
                 y[row, x] = new_y[row, x]
@@ -112,6 +140,6 @@ def _update_quad(
                 coloured += 1
     # A sample that is partly of something nearer waits until that has moved on too.
     if coloured > 0 and foreground == 0:
-        cb[pair, x0 // 2] = new_cb[pair, x0 // 2]
-        cr[pair, x0 // 2] = new_cr[pair, x0 // 2]
+        cb[pair, column] = new_cb[pair, column]
+        cr[pair, column] = new_cr[pair, column]
     return count
