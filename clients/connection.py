@@ -1,0 +1,139 @@
+"""A client's side of the protocol: connect, say hello, send and receive messages, try again."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from typing import Any, TypeVar, overload
+from urllib.parse import urlsplit
+
+from farside.server.protocol import (
+    Error,
+    M,
+    Message,
+    SourceHello,
+    ViewerHello,
+    Welcome,
+    decode,
+    encode,
+)
+from websockets.asyncio.client import ClientConnection
+from websockets.asyncio.client import connect as open_socket
+from websockets.exceptions import ConnectionClosed, WebSocketException
+
+__all__ = ["Peer", "RefusedError", "base_url", "connect", "persist"]
+
+T = TypeVar("T")
+PRIVATE_CODES = range(4400, 4500)  # the client is at fault: trying again changes nothing
+
+
+class RefusedError(ValueError):
+    """The server did not take what was sent, and says why."""
+
+
+class Peer:
+    """An open connection after the greeting."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self._socket = socket
+
+    async def send(self, message: Message) -> None:
+        """Send a message."""
+        await self.send_bytes(encode(message))
+
+    async def send_bytes(self, data: bytes) -> None:
+        """Send a message that is encoded already."""
+        try:
+            await self._socket.send(data)
+        except ConnectionClosed as error:
+            raise await self._closed(error) from error
+
+    @overload
+    async def receive(self, kind: type[M], /) -> M: ...
+    @overload
+    async def receive(self, *allowed: type[Message]) -> Message: ...
+    async def receive(self, *allowed: type[Any]) -> Any:
+        """The next message; raises RefusedError for what the server refuses, ConnectionError at the end."""
+        try:
+            data = await self._socket.recv(decode=False)
+        except ConnectionClosed as error:
+            raise await self._closed(error) from error
+        message = decode(data, *allowed, Error, limit=len(data))
+        if isinstance(message, Error):
+            raise _refused(message)
+        return message
+
+    async def _closed(self, error: ConnectionClosed) -> Exception:
+        """Why the connection ended: a refusal may still wait to be read."""
+        try:
+            while True:
+                message = decode(await self._socket.recv(decode=False))
+                if isinstance(message, Error):
+                    return _refused(message)
+        except (ConnectionClosed, ValueError):
+            pass
+        code = error.rcvd.code if error.rcvd else 1006
+        reason = (error.rcvd.reason if error.rcvd else "") or "no reason given"
+        if code in PRIVATE_CODES:
+            return RefusedError(f"refused by the server: {reason} (code {code})")
+        return ConnectionError(f"the server closed the connection: {reason} (code {code})")
+
+
+def _refused(error: Error) -> Exception:
+    text = f"{error.field}: {error.value}: expected {error.expected} (code {error.code})"
+    kind = RefusedError if error.code in PRIVATE_CODES else ConnectionError
+    return kind(f"refused by the server: {text}")
+
+
+def base_url(url: str, scheme: str) -> str:
+    """The server's address with a scheme (ws, http; secure where given so); raises ValueError."""
+    parts = urlsplit(url if "://" in url else f"http://{url}")
+    try:
+        port = parts.port
+    except ValueError:
+        port = -1
+    if parts.scheme not in ("http", "https", "ws", "wss") or not parts.hostname or port == -1:
+        raise ValueError(f"url: {url!r}: expected an address like http://127.0.0.1:8765")
+    secure = "s" if parts.scheme in ("https", "wss") else ""
+    return f"{scheme}{secure}://{parts.netloc}{parts.path.rstrip('/')}"
+
+
+@asynccontextmanager
+async def connect(
+    url: str, hello: ViewerHello | SourceHello, *, timeout_s: float = 120.0
+) -> AsyncIterator[tuple[Peer, Welcome]]:
+    """Connect and greet. Raises RefusedError, or ConnectionError where no server answers."""
+    address = f"{base_url(url, 'ws')}/{hello.ROLE}"
+    try:
+        socket = await open_socket(address, max_size=None, compression=None, ping_timeout=120)
+    except (OSError, WebSocketException, TimeoutError) as error:
+        raise ConnectionError(f"no server at {url}: {error}") from error
+    async with socket:
+        peer = Peer(socket)
+        await peer.send(hello)
+        try:
+            async with asyncio.timeout(timeout_s):
+                welcome = await peer.receive(Welcome)
+        except TimeoutError as error:
+            raise ConnectionError(f"the server at {url} did not answer within {timeout_s:g} s") from error
+        yield peer, welcome
+
+
+async def persist(
+    session: Callable[[], Awaitable[T]], patience_s: float, tell: Callable[[str], None], pause_s: float = 0.5
+) -> T:
+    """Run a session, again after a lost connection, until one ends or `patience_s` went by without one."""
+    while True:
+        started = time.monotonic()
+        try:
+            return await session()
+        except ConnectionError as error:
+            lived = time.monotonic() - started
+            if patience_s <= 0:
+                raise
+            tell(f"{error}; trying again")
+            # A session that lived renews the patience; failures in a row use it up.
+            patience_s = patience_s if lived > 5.0 else patience_s - lived - pause_s
+            await asyncio.sleep(pause_s)

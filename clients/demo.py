@@ -1,0 +1,95 @@
+"""`farside demo`: a twin sequence, the server, a replay and the viewer's address, in one command."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import shutil
+import socket
+from pathlib import Path
+from typing import Annotated
+
+import typer
+import uvicorn
+from farside.engine.tmiv import open_sequence
+from farside.server.app import make_server
+from rich.console import Console
+from rich.progress import Progress
+
+from .replay import Playback, Replay
+from .serve import listen, server_settings, url_of
+
+__all__ = ["command"]
+
+
+def command(
+    scale: Annotated[float, typer.Option(help="Size of the twin's pictures; 1 is the paper's.")] = 0.25,
+    frames: Annotated[int, typer.Option(min=1, help="Frames of the twin; played to and fro.")] = 60,
+    rate: Annotated[float, typer.Option(help="Frames a second.")] = 10.0,
+    port: Annotated[int, typer.Option(help="Port (0: any free one).")] = 8765,
+    seconds: Annotated[float | None, typer.Option(help="Stop after this long (default: Ctrl-C).")] = None,
+    quality: Annotated[str, typer.Option(help="fast, balanced or best.")] = "fast",
+    cache: Annotated[
+        Path | None, typer.Option(help="Where twins are kept (default: the user's cache).")
+    ] = None,
+) -> None:
+    """Show everything at once: a twin sequence, the server, a replay and the viewer's address."""
+    console = Console()
+    settings = server_settings(port=port, quality=quality)
+    with listen(settings) as listening:
+        folder = _twin(cache or _cache(), scale, frames, console)
+        sequence = open_sequence(folder)
+        playback = Playback(sequence, sequence.source_names, rate, loop=True, token=settings.token)
+        address = url_of(listening, settings.token)
+        console.print(f"watch at [bold]{address}[/] (Ctrl-C stops); move with the mouse and W A S D Q E")
+        with contextlib.suppress(KeyboardInterrupt):
+            asyncio.run(_play(make_server(settings), listening, Replay(playback), seconds))
+        console.print(f"stopped; the twin stays in {folder}")
+
+
+def _cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "farside"
+
+
+def _twin(cache: Path, scale: float, frames: int, console: Console) -> Path:
+    """The museum twin, made on the first run; a run that was stopped leaves nothing half done."""
+    folder = cache / f"museum-{scale:g}-{frames}"
+    if folder.is_dir():
+        return folder
+    partial = folder.with_name(f"{folder.name}.{os.getpid()}")
+    with Progress(console=console) as bar:
+        task = bar.add_task("making a twin of Museum (the first time compiles the ray tracer)", total=None)
+        from farside.engine.synth import write_twin
+
+        try:
+            write_twin(
+                "museum", partial, scale, frames, progress=lambda n, m: bar.update(task, completed=n, total=m)
+            )
+            partial.rename(folder)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+    return folder
+
+
+async def _play(
+    server: uvicorn.Server, listening: socket.socket, replay: Replay, seconds: float | None
+) -> None:
+    """Serve and replay until the time is over or either ends; the replay stops first."""
+    serving = asyncio.create_task(server.serve(sockets=[listening]))
+    playing = asyncio.create_task(_replay(server, replay, url_of(listening)))
+    try:
+        await asyncio.wait((serving, playing), timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
+        if playing.done():
+            playing.result()
+    finally:
+        playing.cancel()
+        await asyncio.gather(playing, return_exceptions=True)
+        server.should_exit = True
+        await serving
+
+
+async def _replay(server: uvicorn.Server, replay: Replay, url: str) -> None:
+    while not server.started:
+        await asyncio.sleep(0.02)
+    await replay.run(url)

@@ -1,0 +1,83 @@
+"""`farside serve`: run the live server."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from typing import Annotated, Any
+
+import typer
+import uvicorn
+from farside.server.app import make_server
+from farside.server.settings import ServerSettings
+from pydantic import ValidationError
+
+__all__ = ["command", "listen", "server_settings", "url_of"]
+
+
+def server_settings(**given: Any) -> ServerSettings:
+    """Settings from what is given (not None), then the environment; ValueError names what is wrong."""
+    try:
+        return ServerSettings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(map(str, first["loc"]))
+        raise ValueError(f"{name}: {first['input']!r}: expected otherwise: {first['msg']}") from error
+
+
+def listen(settings: ServerSettings) -> socket.socket:
+    """The listening socket; raises OSError where the port is taken."""
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    try:
+        return socket.create_server((settings.host, settings.port), family=family)
+    except OSError as error:
+        reason = error.strerror or error
+        raise OSError(f"port: {settings.port} on {settings.host}: expected a free one ({reason})") from error
+
+
+def url_of(listening: socket.socket, token: str = "") -> str:
+    """Where a browser on this machine finds the server."""
+    host, port = listening.getsockname()[:2]
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
+    host = f"[{host}]" if ":" in host else host
+    return f"http://{host}:{port}/" + (f"?token={token}" if token else "")
+
+
+def command(
+    host: Annotated[str | None, typer.Option(help="Address to listen on (default 127.0.0.1).")] = None,
+    port: Annotated[int | None, typer.Option(help="Port (default 8765; 0: any free one).")] = None,
+    token: Annotated[str | None, typer.Option(help="What clients must know (default: nothing).")] = None,
+    quality: Annotated[str | None, typer.Option(help="fast, balanced or best.")] = None,
+    views: Annotated[int | None, typer.Option(help="Views that render a picture (n_render).")] = None,
+    init: Annotated[int | None, typer.Option(help="Views that build the S-PBS (n_init).")] = None,
+    update: Annotated[
+        int | None, typer.Option(help="Views that update the P-PBS a frame (n_update).")
+    ] = None,
+    jpeg_quality: Annotated[int | None, typer.Option(help="1 to 100.")] = None,
+    background: Annotated[bool | None, typer.Option(help="Build and render the background model.")] = None,
+    max_viewers: Annotated[int | None, typer.Option(help="Viewers at a time.")] = None,
+    log_level: Annotated[str | None, typer.Option(help="warning, info, debug ...")] = None,
+) -> None:
+    """Run the live server. Every option can be given in the environment too, as FARSIDE_PORT and so on."""
+    settings = server_settings(
+        host=host,
+        port=port,
+        token=token,
+        quality=quality,
+        views=views,
+        init=init,
+        update=update,
+        jpeg_quality=jpeg_quality,
+        background=background,
+        max_viewers=max_viewers,
+        log_level=log_level,
+    )
+    with listen(settings) as listening:
+        print(f"serving at {url_of(listening, settings.token)} (Ctrl-C stops)", flush=True)
+        run(make_server(settings), listening)
+
+
+def run(server: uvicorn.Server, listening: socket.socket) -> None:
+    """Serve until Ctrl-C."""
+    with contextlib.suppress(KeyboardInterrupt):
+        server.run(sockets=[listening])

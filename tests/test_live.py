@@ -1,0 +1,413 @@
+"""The live engine's scheduling: what waits, what is dropped, what goes on when something fails."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+
+import numpy as np
+import pytest
+from doubles import CAMERAS, HANG_S, FakeCore, a_frame, a_view
+from farside.engine.back_buffer import BackBuffer, OrderError
+from farside.engine.camera import Camera, Pose
+from farside.engine.live import HeadPose, Live, LiveViewer, Source
+from farside.engine.stereo import StereoPicture, StereoView
+from farside.engine.timing import Rate, StallMonitor, Timings
+
+SOURCE = Source("test", 30.0, CAMERAS)
+VIEW = StereoView.symmetric(Pose(), 16, 16, 1.5)
+
+
+def run(scenario: Callable[[], Awaitable[None]]) -> None:
+    async def guarded() -> None:
+        async with asyncio.timeout(HANG_S):
+            await scenario()
+
+    asyncio.run(guarded())
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    while not condition():
+        await asyncio.sleep(0.001)
+
+
+class Screen:
+    """Where a viewer's pictures go: tags and frames, and sends that can be held up."""
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[int, int]] = []
+        self.scenes: list[str] = []
+        self.ready = asyncio.Event()
+        self.ready.set()
+
+    def finish(self, wanted: HeadPose[int], picture: StereoPicture) -> bytes:
+        return bytes([wanted.tag, picture.frame_index])
+
+    async def send(self, data: bytes) -> None:
+        await self.ready.wait()
+        self.seen.append((data[0], data[1]))
+
+    async def announce(self, source: Source) -> None:
+        self.scenes.append(source.name)
+
+    def watch(self, viewer: LiveViewer[int]) -> asyncio.Task[None]:
+        return asyncio.create_task(viewer.run(self.finish, self.send, self.announce))
+
+
+def look(viewer: LiveViewer[int], tag: int, x: float = 0.0) -> None:
+    viewer.look(HeadPose(Pose((x, 0.0, 0.0)), tag / 100, tag))
+
+
+# The back buffer
+
+
+def test_a_frame_is_complete_when_every_camera_was_seen_in_any_order() -> None:
+    buffer = BackBuffer(["v0", "v1"])
+    assert buffer.add(4, a_view(CAMERAS[1])) is None
+    frame = buffer.add(4, a_view(CAMERAS[0]))
+    assert frame is not None
+    assert frame.index == 4
+    assert [view.camera.name for view in frame.views] == ["v0", "v1"]
+    assert buffer.add(5, a_view(CAMERAS[0])) is None
+
+
+@pytest.mark.parametrize(
+    ("then", "camera", "says"),
+    [
+        (4, 0, "camera: v0: expected one of v1 in frame 4"),
+        (5, 1, "frame: 5: expected 4, which still lacks v1"),
+        (3, 1, "frame: 3: expected 4, which still lacks v1"),
+    ],
+)
+def test_views_out_of_order_are_refused_and_change_nothing(then: int, camera: int, says: str) -> None:
+    buffer = BackBuffer(["v0", "v1"])
+    buffer.add(4, a_view(CAMERAS[0]))
+    with pytest.raises(OrderError, match=says):
+        buffer.add(then, a_view(CAMERAS[camera]))
+    assert buffer.add(4, a_view(CAMERAS[1])) is not None
+    with pytest.raises(OrderError, match="frame: 4: expected more than 4"):
+        buffer.add(4, a_view(CAMERAS[0]))
+
+
+def test_a_camera_that_was_not_announced_is_refused() -> None:
+    stranger = Camera("v9", CAMERAS[0].projection, Pose(), CAMERAS[0].depth)
+    with pytest.raises(OrderError, match="camera: v9: expected one of v0, v1"):
+        BackBuffer(["v0", "v1"]).add(0, a_view(stranger))
+
+
+# The back end
+
+
+def test_the_newest_frame_overtakes_the_waiting_one() -> None:
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            core = live._core
+            assert isinstance(core, FakeCore)
+            core.updating.close()
+            first = live.offer(a_frame(0))
+            await asyncio.to_thread(core.updating.entered.wait, HANG_S)
+            waiting = [live.offer(a_frame(i)) for i in (1, 2, 3)]
+            assert [await settled for settled in waiting[:2]] == [False, False]  # while 0 is still under way
+            core.updating.open()
+            assert await first
+            assert await waiting[2]
+            assert core.updates == [0, 3]
+            assert live.frames == {"updated": 2, "dropped": 2, "failed": 0}
+
+    run(scenario)
+
+
+def test_a_frame_that_the_core_refuses_is_reported_and_the_next_one_is_taken() -> None:
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            core = live._core
+            assert isinstance(core, FakeCore)
+            core.bad_frames = {1}
+            assert await live.offer(a_frame(0))
+            with pytest.raises(ValueError, match="frame: 1: expected a better one"):
+                await live.offer(a_frame(1))
+            assert await live.offer(a_frame(2))
+            assert core.updates == [0, 2]
+            assert live.frames["failed"] == 1
+
+    run(scenario)
+
+
+def test_the_same_cameras_keep_the_model_others_begin_anew() -> None:
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(7))
+            core = live.shown
+            assert core is not None
+            await live.open(Source("again", 25.0, CAMERAS))
+            assert live.shown is core
+            await live.open(Source("other", 25.0, CAMERAS[:1]))
+            assert live.shown is None  # nothing to show before its first frame
+            with pytest.raises(ValueError, match="mesh: there is none before the first frame"):
+                await live.mesh(lambda mesh: b"")
+            await live.offer(a_frame(0, CAMERAS[:1]))
+            assert live.shown is not core
+
+    run(scenario)
+
+
+def test_cameras_that_no_core_takes_leave_the_old_one_at_work() -> None:
+    def make(source: Source) -> FakeCore:
+        if source.name == "bad":
+            raise ValueError("cameras: too odd: expected others")
+        return FakeCore(source)
+
+    async def scenario() -> None:
+        async with Live(make) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            core = live.shown
+            with pytest.raises(ValueError, match="too odd"):
+                await live.open(Source("bad", 25.0, CAMERAS[:1]))
+            assert live.source is SOURCE
+            assert await live.offer(a_frame(1))
+            assert live.shown is core
+
+    run(scenario)
+
+
+# Viewers
+
+
+def test_poses_wait_for_the_first_frame_and_the_newest_wins() -> None:
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+                for tag in (1, 2, 3):
+                    look(viewer, tag)
+                await live.open(SOURCE)
+                await live.offer(a_frame(5))
+                await until(lambda: bool(screen.seen))
+                assert screen.seen == [(3, 5)]
+                assert screen.scenes == ["test"]
+                assert viewer.dropped == 2
+                watching.cancel()
+
+    run(scenario)
+
+
+def test_stale_poses_are_dropped_while_a_picture_is_rendered() -> None:
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            core = live.shown
+            assert isinstance(core, FakeCore)
+            core.rendering.close()
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+                look(viewer, 1)
+                await asyncio.to_thread(core.rendering.entered.wait, HANG_S)
+                for tag in (2, 3, 4):
+                    look(viewer, tag, x=tag)
+                core.rendering.open()
+                await until(lambda: len(screen.seen) == 2)
+                assert [tag for tag, _ in screen.seen] == [1, 4]
+                assert core.rendered[-1].pose.position == (4.0, 0.0, 0.0)
+                assert (viewer.dropped, viewer.rendered) == (2, 2)
+                watching.cancel()
+
+    run(scenario)
+
+
+def test_a_slow_client_delays_no_other() -> None:
+    async def scenario() -> None:
+        slow, fast = Screen(), Screen()
+        slow.ready.clear()
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            with live.viewer("slow", VIEW) as one, live.viewer("fast", VIEW) as other:
+                tasks = [slow.watch(one), fast.watch(other)]
+                for tag in range(1, 20):
+                    look(one, tag)
+                    look(other, tag)
+                    await until(lambda tag=tag: fast.seen[-1:] == [(tag, 0)])
+                assert len(fast.seen) == 19
+                assert slow.seen == []
+                slow.ready.set()
+                await until(lambda: slow.seen[-1:] == [(19, 0)])
+                assert [tag for tag, _ in slow.seen] == [1, 19]  # what was under way, then the newest
+                for task in tasks:
+                    task.cancel()
+
+    run(scenario)
+
+
+def test_rendering_goes_on_while_the_back_end_works() -> None:
+    """f_ren does not wait for f_vin: with an update held up, pictures of the previous frame come."""
+
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            core = live.shown
+            assert isinstance(core, FakeCore)
+            core.updating.close()
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+                update = live.offer(a_frame(1))
+                for tag in range(1, 6):
+                    look(viewer, tag)
+                    await until(lambda tag=tag: screen.seen[-1:] == [(tag, 0)])
+                assert not update.done()
+                core.updating.open()
+                assert await update
+                look(viewer, 6)
+                await until(lambda: screen.seen[-1] == (6, 1))
+                watching.cancel()
+
+    run(scenario)
+
+
+def test_a_broken_picture_ends_its_viewer_only() -> None:
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            core = live.shown
+            assert isinstance(core, FakeCore)
+            with live.viewer("a", VIEW) as viewer, live.viewer("b", VIEW) as other:
+                core.fail_render = True
+                look(viewer, 1)
+                with pytest.raises(RuntimeError, match="the renderer broke"):
+                    await screen.watch(viewer)
+                core.fail_render = False
+                watching = screen.watch(other)
+                look(other, 2)
+                await until(lambda: screen.seen == [(2, 0)])
+                watching.cancel()
+
+    run(scenario)
+
+
+def test_an_update_knows_every_viewers_pose_and_speed() -> None:
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            with live.viewer("a", VIEW) as viewer, live.viewer("b", VIEW) as other:
+                for tick in range(200):  # 2 m/s at 100 Hz
+                    look(viewer, tick, x=tick / 50)
+                other.look(HeadPose(Pose(), 0.0, 0, (0.0, 3.0, 4.0)))
+                await live.offer(a_frame(0))
+                core = live.shown
+                assert isinstance(core, FakeCore)
+                assert core.viewers["a"].pose.position == (199 / 50, 0.0, 0.0)
+                assert core.speeds == {"a": pytest.approx(2.0, rel=1e-3), "b": 5.0}
+            await live.offer(a_frame(1))
+            assert core.viewers == {}
+
+    run(scenario)
+
+
+@pytest.mark.parametrize("times", [(1.0, 1.0), (1.0, 0.5)])
+def test_a_clock_that_stands_or_goes_back_does_not_disturb_the_speed(times: tuple[float, float]) -> None:
+    async def scenario() -> None:
+        viewer: LiveViewer[int] = LiveViewer(Live(FakeCore), "a", VIEW)
+        for moment, x in zip(times, (0.0, 100.0), strict=True):
+            viewer.look(HeadPose(Pose((x, 0.0, 0.0)), moment, 0))
+        assert viewer.speed == 0.0
+
+    run(scenario)
+
+
+# Shutdown and figures
+
+
+def test_shutdown_waits_for_the_update_and_leaves_no_thread_and_no_future_behind() -> None:
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            core = live._core
+            assert isinstance(core, FakeCore)
+            core.updating.close()
+            under_way = live.offer(a_frame(0))
+            await asyncio.to_thread(core.updating.entered.wait, HANG_S)
+            waiting = live.offer(a_frame(1))
+            asyncio.get_running_loop().call_later(0.05, core.updating.open)
+        assert core.updates == [0]
+        assert under_way.done()
+        assert waiting.result() is False
+        assert all(task.done() for task in live._tasks)
+
+    run(scenario)
+
+
+def test_a_blocked_loop_is_noticed_and_charged_to_the_update_that_ran() -> None:
+    async def scenario() -> None:
+        monitor = StallMonitor(0.001)
+        task = asyncio.create_task(monitor.run())
+        await asyncio.sleep(0.01)
+        with monitor.updating():
+            time.sleep(0.06)  # on the loop's thread: the fault that is to be seen
+        await asyncio.sleep(0.01)
+        during_update = monitor.longest_during_update_ms
+        time.sleep(0.2)
+        await asyncio.sleep(0.01)
+        assert during_update >= 55
+        assert monitor.longest_ms >= 195
+        assert monitor.longest_during_update_ms == during_update
+        task.cancel()
+
+    run(scenario)
+
+
+def test_status_tells_rates_stages_and_counts() -> None:
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            assert live.status()["source"] is None
+            await live.open(SOURCE)
+            for i in range(3):
+                await live.offer(a_frame(i))
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+                for tag in range(3):
+                    look(viewer, tag)
+                    await until(lambda tag=tag: len(screen.seen) == tag + 1)
+                status = live.status()
+                watching.cancel()
+            assert status["source"] == {"name": "test", "fps": 30.0, "cameras": ["v0", "v1"]}
+            assert status["frames"] == {"updated": 3, "dropped": 0, "failed": 0}
+            assert status["viewers"]["a"]["rendered"] == 3
+            assert status["rates"]["f_vin"] > 0
+            assert status["rates"]["f_ren"] > 0
+            assert {"update.background", "update.total", "render.warp", "render.encode"} <= set(
+                status["stages_ms"]
+            )
+            assert status["engine"] == {"frame_index": 2}
+
+    run(scenario)
+
+
+def test_timings_are_percentiles_of_the_newest() -> None:
+    timings = Timings(keep=100)
+    for value in [1e9, *range(1, 101)]:
+        timings.add({"warp": value}, "render.")
+    assert timings.summary() == {
+        "render.warp": {"p50": pytest.approx(50.5), "p95": pytest.approx(np.percentile(range(1, 101), 95))}
+    }
+
+
+def test_rate_forgets() -> None:
+    rate = Rate(window_s=0.05)
+    assert rate.per_second() == 0
+    for _ in range(3):
+        rate.count()
+    assert rate.per_second() > 0
+    time.sleep(0.06)
+    assert rate.per_second() == 0
