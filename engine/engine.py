@@ -197,7 +197,7 @@ class Engine:
             with _timed(report.stages, "fill"):
                 report.holes_filled = report.holes_backdrop
                 if self.settings.fill and 0 < report.holes_backdrop < 1:
-                    fill(canvas.disparity, canvas.planes, self.settings.fill_radius_px)
+                    fill(canvas.disparity, canvas.planes)
                     report.holes_filled = 0.0
                 texture = canvas.texture()
             return RenderedPicture(camera, texture, canvas.disparity.copy(), canvas.winner.copy(), report)

@@ -9,6 +9,8 @@ from .kernels import fill as kernels
 
 __all__ = ["fill", "hole_fraction"]
 
+_REACH_PX = 8.0  # how far structure is carried into a hole before it fades into something smooth
+
 Plane = npt.NDArray[np.float32]
 
 
@@ -19,8 +21,26 @@ def hole_fraction(disparity: Plane) -> float:
     return float(rows.sum() / disparity.size)
 
 
-def fill(disparity: Plane, planes: tuple[Plane, Plane, Plane], radius: int) -> None:
-    """Colour the holes of [h, w] planes in place from their neighbours, those with farther depths first."""
+def fill(disparity: Plane, planes: tuple[Plane, Plane, Plane]) -> None:
+    """Colour the holes of [h, w] planes in place from their neighbourhood, farther surfaces first.
+
+    Something must have been drawn.
+    """
+    levels = _levels(*disparity.shape)
+    kernels.first_level(disparity, *planes, levels[0])
+    for fine, coarse in zip(levels, levels[1:], strict=False):
+        kernels.next_level(fine, coarse)
+    for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
+        kernels.refine_level(coarse, fine)
     above, below = np.empty(disparity.shape, np.int32), np.empty(disparity.shape, np.int32)
     kernels.nearest_in_columns(disparity, above, below)
-    kernels.fill_holes(disparity, above, below, radius, *planes)
+    kernels.fill_holes(disparity, above, below, levels[0], _REACH_PX, *planes)
+
+
+def _levels(height: int, width: int) -> list[Plane]:
+    """Empty levels [ceil(h / 2^k), ceil(w / 2^k), 5], down to a single cell."""
+    levels = []
+    while not levels or height * width > 1:
+        height, width = (height + 1) // 2, (width + 1) // 2
+        levels.append(np.empty((height, width, 5), np.float32))
+    return levels

@@ -30,7 +30,6 @@ class Settings:
     culling_stride: int = 4  # pixels between culling rays; 1: two rays a pixel (section 3.3.2)
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
     blend: int = 3  # how many of the rendered views may contribute to a pixel's colour
-    fill_radius_px: int = 64  # how far disocclusion filling looks
     jpeg_quality: int = 90
 
     def __post_init__(self) -> None:

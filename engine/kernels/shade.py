@@ -138,7 +138,7 @@ def _weight(row: F64, u: float, v: float, x: float, y: float, z: float, eye: F64
     if row[19] == 0.0:
         border = min(u, row[1] - u)
         border = min(1.0, max(0.02, min(border, min(v, row[2] - v)) / _BORDER_PX))
-    return border * (0.1 + finer) / (1e-6 + angle2 * angle2)
+    return border * (0.1 + finer) / (3e-5 + angle2)
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
