@@ -156,8 +156,8 @@ def _frog() -> Rig:
     targets = [
         (lens, _look(0.0, 0.02, 0.0)),
         (lens, _look(0.0, -0.12, 0.01)),
-        (lens, _look(0.02, 0.34, 0.03, -8)),
-        (lens, _look(0.0, -0.3, 0.1, 8, 4)),
+        (lens, _look(0.02, 0.34, 0.03, -5)),
+        (lens, _look(0.0, -0.32, 0.1, 5, 4)),
     ]
     viewport = (Perspective(1920, 1080, 1856.7, 1856.7, 960.0, 540.0), _look(0, 0, 0))
     return _rig(sources, targets, viewport, DepthCoding(0.3, 1.62), depth_noise=1.0)

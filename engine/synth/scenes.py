@@ -58,11 +58,11 @@ class _Shop:
         self.rng = rng
         self.palette = Palette()
         add = self.palette.add
-        self.plaster = add(p.NOISE, (0.62, 0.58, 0.5), (0.5, 0.46, 0.4), 0.8, 0.3)
+        self.plaster = add(p.NOISE, (0.66, 0.61, 0.52), (0.46, 0.42, 0.37), 0.6, 0.6)
         self.bricks = add(p.BRICKS, (0.5, 0.22, 0.14), (0.55, 0.52, 0.48), 0.16, 0.5)
         self.panels = add(p.TILES, (0.2, 0.34, 0.36), (0.09, 0.15, 0.16), 0.6, 0.3)
-        self.white = add(p.NOISE, (0.75, 0.75, 0.73), (0.64, 0.64, 0.63), 0.6, 0.2)
-        self.coffers = add(p.TILES, (0.7, 0.69, 0.66), (0.42, 0.42, 0.42), 1.0, 0.15)
+        self.white = add(p.NOISE, (0.78, 0.78, 0.76), (0.58, 0.58, 0.57), 0.4, 0.5)
+        self.coffers = add(p.TILES, (0.7, 0.69, 0.66), (0.42, 0.42, 0.42), 1.0, 0.4)
         self.parquet = add(p.PLANKS, (0.42, 0.24, 0.11), (0.1, 0.06, 0.03), 0.14, 0.4)
         self.marble = add(p.MARBLE, (0.74, 0.72, 0.69), (0.3, 0.28, 0.3), 0.35, 0.2)
         self.green_marble = add(p.MARBLE, (0.2, 0.32, 0.24), (0.62, 0.68, 0.62), 0.4, 0.3)
@@ -161,7 +161,7 @@ def _museum(name: str, rng: np.random.Generator) -> Scene:
         (0.8, -3.6, 2),
         (-5.6, -0.6, 0),
         (6.3, -2.2, 1),
-        (0.4, 4.4, 2),
+        (0.4, 4.9, 2),
         (5.6, 1.9, 1),
     ]
     for k, (x, y, kind) in enumerate(spots):
@@ -169,7 +169,7 @@ def _museum(name: str, rng: np.random.Generator) -> Scene:
         groups.append(placed(statue(stones[k % 3], shop.stone, kind), (x, y, 0), facing))
     groups += [
         placed(bench(shop.wood, shop.metal, 1.8), (x, y, 0), yaw)
-        for x, y, yaw in ((2.2, -2.2, 0.8), (-2.0, -1.9, -0.6), (0.6, 2.9, 1.5))
+        for x, y, yaw in ((3.3, -1.9, 0.8), (-2.9, -1.0, 0.916), (0.6, 2.9, 1.5))
     ]
     groups += [
         placed(plant(shop.clay, shop.leaf), (x, y, 0))
@@ -189,7 +189,7 @@ def _museum(name: str, rng: np.random.Generator) -> Scene:
             (-1.9, 0.4, 0.2),
             (4.5, -1.0, 2.6),
             (-3.9, -2.2, 0.6),
-            (-1.2, 3.6, -1.2),
+            (-1.2, 5.0, -1.2),
             (1.6, -4.4, 1.2),
         ]
     )
@@ -201,7 +201,7 @@ def _museum(name: str, rng: np.random.Generator) -> Scene:
         ]
     )
     ware = shop.palette.add(p.PICTURE, (0.5, 0.5, 0.5), rough=0.3)
-    actors.append(carton(ware, 0.7, Path([(4.4, 2.8), (2.2, 3.4), (-2.2, 4.8)], 0.8, 0.5)))
+    actors.append(carton(ware, 0.7, Path([(4.4, 2.8), (2.2, 3.4), (-2.2, 4.0)], 0.8, 0.5)))
     lamps = [(-4, 0, 4.2, 0.55, 4.0), (4, 0, 4.2, 0.55, 4.0), (0, 4, 4.2, 0.3, 3.0), (0, -4, 4.2, 0.3, 3.0)]
     return Scene(name, shop.palette.packed(), np.array(lamps), groups, actors)
 
@@ -228,7 +228,7 @@ def _hijack(name: str, rng: np.random.Generator) -> Scene:
         placed(armchair(cloth, shop.dark_wood), (x, y, 0), yaw)
         for cloth, x, y, yaw in (
             (shop.red_cloth, 4.4, 1.9, -2.4),
-            (shop.blue_cloth, 4.7, -1.5, 2.7),
+            (shop.blue_cloth, 4.1, -1.7, 2.7),
             (shop.red_cloth, 1.4, -2.9, 1.4),
         )
     ]
@@ -250,13 +250,13 @@ def _hijack(name: str, rng: np.random.Generator) -> Scene:
         capsule(shop.metal, (0, 0, 0.04), (0, 0, 1.6), 0.02),
         cylinder(shop.gold, (0, 0, 1.5), 0.24, 0.3),
     ]
-    groups.append(placed(lamp, (5.4, 3.2, 0)))
-    actors = shop.standers([(4.0, 2.9, -2.4), (2.6, -2.4, 1.9), (6.3, 0.4, 3.0)])
+    groups.append(placed(lamp, (5.4, 3.8, 0)))
+    actors = shop.standers([(3.2, 2.2, -2.4), (2.6, -2.4, 1.9), (6.3, 0.4, 3.0)])
     actors += shop.walkers(
         [
             Path([(2.2, -1.3), (2.0, 1.6), (1.2, 2.9)], 1.1, 0.3),
             Path([(5.2, 0.4), (5.1, -2.6), (3.4, -3.0)], 1.0, 0.2),
-            Path([(3.6, 3.3), (1.6, 3.4), (6.6, 3.0)], 1.3, 0.8),
+            Path([(3.6, 3.3), (1.6, 3.4), (6.2, 3.1)], 1.3, 0.8),
         ]
     )
     toy = shop.palette.add(p.CHECKER, (0.7, 0.2, 0.05), (0.75, 0.75, 0.7), 0.12, 0.3)
@@ -295,10 +295,10 @@ def _painter(name: str, rng: np.random.Generator) -> Scene:
     items.append(placed(statue(shop.marble, shop.stone, 1), (4.5, 0.9, 0), 3.0))
     items.append(placed(plant(shop.clay, shop.leaf), (4.4, -1.7, 0)))
     actors = shop.walkers(
-        [Path([(3.4, 0.5), (3.3, -1.2)], 0.7, 0.3), Path([(4.1, -1.3), (4.0, 1.6)], 1.0, 0.6)]
+        [Path([(3.4, 0.5), (3.3, -1.2)], 0.7, 0.3), Path([(4.1, -1.3), (4.05, 0.7)], 1.0, 0.6)]
     )
     actors += shop.standers([(3.9, 1.5, -2.8)])
-    groups += [placed(item, (0, 0, 0 if k < 3 else floor)) for k, item in enumerate(items)]
+    groups += [placed(item, (0, 0, floor)) for item in items]
     raised = [_raised(actor, floor) for actor in actors]
     lamps = [(1.0, 1.5, 1.7, 0.7, 2.5), (3.5, -1.5, 1.7, 0.7, 2.5)]
     return Scene(name, shop.palette.packed(), np.array(lamps), groups, raised)
@@ -311,10 +311,10 @@ def _frog(name: str, rng: np.random.Generator) -> Scene:
     wall = add(p.BRICKS, (0.52, 0.45, 0.36), (0.3, 0.26, 0.22), 0.05, 0.5)
     cloth = add(p.CHECKER, (0.55, 0.5, 0.42), (0.3, 0.12, 0.12), 0.05, 0.5)
     groups = room(
-        (-0.6, -1.5, top), (1.5, 1.5, 1.2), (wall, shop.plaster, shop.panels, shop.panels), cloth, shop.white
+        (-0.6, -1.5, top), (1.42, 1.5, 1.2), (wall, shop.plaster, shop.panels, shop.panels), cloth, shop.white
     )
     for y, z, width in ((-0.62, 0.12, 0.3), (-0.15, 0.2, 0.4), (0.35, 0.1, 0.3), (0.75, 0.2, 0.34)):
-        groups.append([box(shop.image(), (1.49, y, z), (0.02, width, 0.26))])
+        groups.append([box(shop.image(), (1.41, y, z), (0.02, width, 0.26))])
     toys = [
         [box(shop.books()[0], (1.2, -0.55, top + 0.1), (0.2, 0.12, 0.2), turn(0.4))],
         placed(vase(shop.clay, 0.3), (1.25, 0.5, top)),
@@ -384,20 +384,17 @@ def _gymnasium(name: str, rng: np.random.Generator) -> Scene:
         )
     vault = [box(shop.wood, (0, 0, 0.2 + 0.25 * k), (0.6 - 0.06 * k, 1.6 - 0.08 * k, 0.24)) for k in range(4)]
     vault.append(box(shop.red_cloth, (0, 0, 1.13), (0.4, 1.3, 0.16)))
-    groups += [placed(vault, (4.2, -2.8, 0), 0.6), placed(vault, (-5.4, 3.2, 0), -0.5)]
+    groups += [placed(vault, (4.9, -1.3, 0), 0.6), placed(vault, (-5.4, 3.2, 0), -0.5)]
     groups += [
         [box(mat, (x, y, 0.15), (2.0, 1.2, 0.3), turn(yaw))]
-        for x, y, yaw in ((2.2, 3.8, 0.2), (-3.0, -3.4, -0.3), (6.6, 3.4, 1.0))
+        for x, y, yaw in ((-0.3, 5.2, 0.2), (-3.6, -5.4, -0.1), (6.6, 3.4, 1.0))
     ]
     groups += [
         placed(bench(shop.wood, shop.metal, 3.0), (x, y, 0), math.pi / 2)
         for x in (-6, 0, 6)
         for y in (-6.5, 6.5)
     ]
-    bars = [
-        [cylinder(shop.metal, (0.8 * x, 1.0 * y, 0), 0.05, 1.5) for x in (-1, 1) for y in (-0.5, 0.5)][k]
-        for k in range(4)
-    ]
+    bars = [cylinder(shop.metal, (x, y, 0), 0.05, 1.5) for x in (-0.8, 0.8) for y in (-0.5, 0.5)]
     bars += [capsule(shop.wood, (-1.2, y, 1.5), (1.2, y, 1.5), 0.04) for y in (-0.5, 0.5)]
     groups += [placed(bars, (-2.6, 3.6, 0), 0.3), placed(bars, (7.0, -3.9, 0), 1.2)]
     groups += [placed(column(shop.stone, 7.5, 0.22), (x, y, 0)) for x in (-10.3, 10.3) for y in (-6.3, 6.3)]
@@ -415,7 +412,7 @@ def _gymnasium(name: str, rng: np.random.Generator) -> Scene:
         ]
     )
     actors += shop.standers(
-        [(4.6, 3.0, -2.5), (-4.9, -0.8, 0.2), (0.9, -3.6, 1.4), (-1.2, 3.4, -1.2), (7.4, -0.9, 3.0)]
+        [(4.6, 3.0, -2.5), (-7.6, 0.4, 0.2), (1.4, -5.2, 1.4), (0.3, 3.4, -1.2), (7.4, -0.9, 3.0)]
     )
     toy = add(p.STRIPES, (0.75, 0.3, 0.06), (0.12, 0.08, 0.06), 0.11, 0.4)
     actors.append(ball(toy, 0.13, Path([(2.2, 0.6), (1.6, -2.8), (-2.6, -1.2)], 2.5, 0.2), bounce=0.9))
