@@ -77,7 +77,7 @@ class Sequence:
         self.frames_number = description.frames_number
         self.source_names = description.source_names
         self._frame_ranges = description.frame_ranges
-        self._poses = {name: read_poses(folder / file) for name, file in description.pose_files.items()}
+        self._poses = {name: _poses(folder, name, file) for name, file in description.pose_files.items()}
         self._videos: dict[tuple[str, Kind], RawVideo] = {}
         self.cameras = {name: self._with_file_bits(camera) for name, camera in description.cameras.items()}
 
@@ -144,6 +144,13 @@ class Sequence:
         return dataclasses.replace(
             camera, depth=dataclasses.replace(camera.depth, bits=depth.format.bits)
         )
+
+
+def _poses(folder: Path, name: str, file: str) -> list[Pose]:
+    try:
+        return read_poses(folder / file)
+    except (OSError, ValueError) as error:
+        raise TmivError(f"camera {name}: Poses: {error}") from error
 
 
 def open_sequence(path: Path | str) -> Sequence:

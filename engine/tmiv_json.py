@@ -69,7 +69,7 @@ def parse_json(text: str, stem: str) -> tuple[Description, list[str]]:
     description = Description(stem)
     try:
         document = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         return description, [f"JSON: {error}"]
     if not isinstance(document, dict):
         return description, [f"JSON: {type(document).__name__}: expected an object"]
@@ -78,13 +78,15 @@ def parse_json(text: str, stem: str) -> tuple[Description, list[str]]:
     description.fps = top.get("Fps", _POSITIVE) or 30.0
     description.frames_number = top.get("Frames_number", _COUNT, None)
     description.frame_ranges = top.get("frameRanges", _FRAME_RANGES, ()) or ()
-    items = top.get("cameras", _OBJECTS)
-    for index, item in enumerate(items or ()):
+    items = top.get("cameras", _OBJECTS) or []
+    for index, item in enumerate(items):
         _parse_camera(item, index, description, problems)
-    names = [item.get("Name") for item in document.get("cameras") or [] if isinstance(item, dict)]
-    default = tuple(name for name in names if isinstance(name, str) and re.fullmatch("v[0-9]+", name))
-    description.source_names = top.get("sourceCameraNames", _NAMES, default) or ()
-    _check_sources(description, set(map(str, names)), problems)
+    names = [name for item in items if isinstance(name := item.get("Name"), str)]
+    default = tuple(name for name in names if re.fullmatch("v[0-9]+", name))
+    sources = top.get("sourceCameraNames", _NAMES, default)
+    if items and sources is not None:
+        description.source_names = sources
+        _check_sources(sources, names, problems)
     return description, problems
 
 
@@ -123,7 +125,7 @@ class _Fields:
             return default[0] if default else None
         try:
             return kind.convert(self.fields[key])
-        except (TypeError, ValueError, KeyError):
+        except (TypeError, ValueError, KeyError, OverflowError):
             shown = json.dumps(self.fields[key])
             shown = shown if len(shown) < 80 else shown[:77] + "..."
             self.problems.append(f"{self.where}{key}: {shown}: expected {kind.expected}")
@@ -176,9 +178,8 @@ def _parse_depth(fields: _Fields) -> DepthCoding | None:
     return None
 
 
-def _check_sources(description: Description, names: set[str], problems: list[str]) -> None:
-    sources = description.source_names
-    if not sources and not any(line.startswith("sourceCameraNames") for line in problems):
+def _check_sources(sources: tuple[str, ...], names: list[str], problems: list[str]) -> None:
+    if not sources:
         problems.append("sourceCameraNames: no source view: expected names, or cameras named v0, v1 ...")
     for name in dict.fromkeys(sources):
         if name not in names:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -63,9 +62,10 @@ class PixelFormat:
 
 
 class RawVideo:
-    """A raw planar file, memory-mapped at the first read. A truncated last frame is not counted.
+    """A raw planar file. A truncated last frame is not counted.
 
-    Planes are views of a private mapping: nothing is copied, and writing to one does not reach the file.
+    Planes are private mappings that live as long as they are used: nothing is copied, and writing to one does
+    not reach the file.
     """
 
     def __init__(self, path: Path | str, width: int, height: int, pixel_format: PixelFormat | str) -> None:
@@ -75,11 +75,6 @@ class RawVideo:
         samples = self.format.frame_samples(width, height)
         self.frame_bytes = samples * self.format.dtype.itemsize
         self.frame_count, self.extra_bytes = divmod(self.path.stat().st_size, self.frame_bytes)
-
-    @cached_property
-    def _frames(self) -> Samples:  # [frames, samples]
-        shape = (self.frame_count, self.frame_bytes // self.format.dtype.itemsize)
-        return np.asarray(np.memmap(self.path, self.format.dtype, "c", shape=shape))
 
     def plane(self, frame: int, index: int) -> Samples:
         """Plane 0, 1 or 2 (Y, Cb, Cr) of a frame, [rows, columns]; raises ValueError where there is none."""
@@ -91,9 +86,9 @@ class RawVideo:
         shapes = self.format.plane_shapes(self.width, self.height)
         if not 0 <= index < len(shapes):
             raise ValueError(f"{self.path.name}: plane: {index!r}: {self.format.name} has {len(shapes)}")
-        start = sum(rows * columns for rows, columns in shapes[:index])
-        rows, columns = shapes[index]
-        return self._frames[frame, start : start + rows * columns].reshape(rows, columns)
+        before = sum(rows * columns for rows, columns in shapes[:index]) * self.format.dtype.itemsize
+        offset = frame * self.frame_bytes + before
+        return np.asarray(np.memmap(self.path, self.format.dtype, "c", offset, shapes[index]))
 
     def native(self, frame: int) -> Texture:
         """The frame of a 4:2:0 file in codes of its own bits; raises ValueError without chroma."""

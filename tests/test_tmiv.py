@@ -261,6 +261,27 @@ def test_bad_json(tmp_path: Path, changes: dict[str, Any], message: str) -> None
     assert check_sequence(folder)
 
 
+def test_no_value_of_any_field_is_more_than_a_problem(tmp_path: Path) -> None:
+    folder = write(tmp_path / "S")
+    file = folder / "S.json"
+    whole = json.loads(file.read_text())
+    whole["frameRanges"] = [{"maxNumberOfFrames": 3, "startFrame": 1}]
+    whole["cameras"][1]["Poses"] = "v1_poses.csv"
+    refused = 0
+    for number in (None, 1, 2):  # the top level, a perspective and an equirectangular camera
+        for key in whole if number is None else whole["cameras"][number]:
+            for value in (None, True, 7, -1, "x", "", [], {}, [None], [[1]], {"a": []}, [1, "inf"], 10**400):
+                document = json.loads(json.dumps(whole))
+                (document if number is None else document["cameras"][number])[key] = value
+                file.write_text(json.dumps(document))
+                check_sequence(folder)
+                try:
+                    open_sequence(folder)
+                except TmivError:
+                    refused += 1
+    assert refused > 200
+
+
 def test_json_that_is_none(tmp_path: Path) -> None:
     for text in ("{", "[]", "\x00"):
         (tmp_path / "a.json").write_text(text)
