@@ -60,7 +60,11 @@ class BackgroundModel:
         self.settings = settings
         self._origin = np.asarray(scene.origin, np.float64)
         self._packed = [camera.packed(self._origin) for camera in self.cameras]
-        self._options = [scene.triangulation(camera, settings) for camera in self.cameras]
+        # Surfaces of the model end at each other, not at the centres of their last pixels: a gap of a pixel between
+        # someone and the wall would be a hole in the background, and let rays through to what is behind.
+        self._options = [
+            dataclasses.replace(scene.triangulation(camera, settings), extend_edges=True) for camera in self.cameras
+        ]
         self._pbs = ProbableBackgroundSurface(len(self.cameras))
         self._images: list[MaximumDepthImage] = []
         self._image_table = np.zeros((len(self.cameras), 8), np.int64)

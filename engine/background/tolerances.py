@@ -20,9 +20,10 @@ _DELTA_SHARE = 0.02
 # Depth that is coded in steps of s is off by up to s / 2 on each of two surfaces; twice that is kept clear of.
 _DELTA_STEPS = 4.0
 # A maximum depth image follows changes much finer than delta: where someone's feet leave the floor, the rim that is
-# less than delta above it has to take on the floor's colour. The rounding of codes must not look like a change.
+# less than delta above it has to take on the floor's colour. The rounding of codes must not look like a change:
+# two whole steps at least.
 _MARGIN_SHARE = 0.05
-_MARGIN_STEPS = 2.0
+_MARGIN_STEPS = 1.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,16 +18,17 @@ F64 = npt.NDArray[np.float64]
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _hides_all(codes: U16, coding: F64, u: float, v: float, limit: float) -> bool:
-    """Whether the four pixels around (u, v) all see something at least as far as `limit`, metres.
+def _hides_all(codes: U16, coding: F64, wraps: bool, u: float, v: float, limit: float) -> bool:
+    """Whether there are four pixels around (u, v), and all see something at least as far as `limit`, metres.
 
-    All four, so that meshes overlap by a pixel where one ends at the rim of something nearer.
+    All four, so that meshes overlap by a pixel where one ends at the rim of something nearer or of its picture.
     """
     h, w = codes.shape
-    x0, y0 = math.floor(u - 0.5), math.floor(v - 0.5)
+    x0, y0 = int(math.floor(u - 0.5)), int(math.floor(v - 0.5))
+    if y0 < 0 or y0 + 1 >= h or (not wraps and (x0 < 0 or x0 + 1 >= w)):
+        return False
     for k in range(4):
-        x, y = min(max(int(x0) + (k & 1), 0), w - 1), min(max(int(y0) + (k >> 1), 0), h - 1)
-        code = codes[y, x]
+        code = codes[y0 + (k >> 1), (x0 + (k & 1)) % w]
         if code < coding[2] or 1.0 / (coding[0] + coding[1] * max(float(code), coding[3])) < limit:
             return False
     return True
@@ -54,5 +55,5 @@ def keep_farther(
             u, v, there = project_point(earlier_camera, px, py, pz)
             if there > 0.0 and u >= 0.0 and v >= 0.0 and u < ew and v < eh:
                 limit = there - tolerance_m
-                if _hides_all(earlier_codes, earlier_coding, u, v, limit):
+                if _hides_all(earlier_codes, earlier_coding, earlier_camera[19] != 0.0, u, v, limit):
                     keep[y, x] = 0

@@ -9,14 +9,14 @@ import numpy.typing as npt
 from .project import project_point
 from .rays import INVALID_ID, intersect1, or_u64, outside_ray
 
-__all__ = ["mark_grid", "mark_through"]
+__all__ = ["OFFSETS", "mark_grid", "mark_through"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
 
 # Toward the centroids of the two triangles that a pixel owns in the quad to its north-east (Fig. 4), a little.
-_OFFSETS = ((0.2, -0.1), (0.1, -0.2))
+OFFSETS = ((0.2, -0.1), (0.1, -0.2))
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -62,7 +62,7 @@ def mark_grid(
             u = min(column * stride + stride // 2, w - 1) + 0.5
             for k in range(2):
                 rays += _mark_along(
-                    function, scene, query, camera, bounds, u + _OFFSETS[k][0], v + _OFFSETS[k][1],
+                    function, scene, query, camera, bounds, u + OFFSETS[k][0], v + OFFSETS[k][1],
                     delta, marks, word, bits,
                 )  # fmt: skip
     return rays

@@ -46,7 +46,7 @@ def _beside_nearer(codes: U16, row: int, x: int, edge: int) -> bool:
 def _limit(code: int, rules: F64) -> int:
     """A code's row in `limits`: new - lowest < limit, in wrapping 16-bit arithmetic, says "valid and farther"."""
     limit = farther_than(code, rules[0], rules[1], rules[2] > 0.0, rules[3], rules[4]) - rules[2]
-    return int(min(max(math.ceil(limit), 0.0), 65535.0))
+    return int(math.ceil(min(max(limit, 0.0), 65535.0)))
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
@@ -102,7 +102,7 @@ def update_maximum_depth(
                     if (pair - phase) % PHASES == 0:
                         found |= _any_set(provisional[row, x0 : x0 + TILE])
             if found:
-                for column in range(x0 // 2, (min(x0 + TILE, w) + 1) // 2):
+                for column in range(start // 2, (min(start + TILE, w) + 1) // 2):
                     count += _update_quad(
                         pair, column, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, limits, updated,
                         provisional, rules,
@@ -138,8 +138,9 @@ def _update_quad(
                 y[row, x] = new_y[row, x]
                 provisional[row, x] = 0
                 coloured += 1
-    # A sample that is partly of something nearer waits until that has moved on too.
     if coloured > 0 and foreground == 0:
         cb[pair, column] = new_cb[pair, column]
         cr[pair, column] = new_cr[pair, column]
+    elif coloured > 0:  # the sample is partly of something nearer: wait until that has moved on
+        provisional[2 * pair : 2 * pair + 2, 2 * column : 2 * column + 2] = 1
     return count

@@ -42,8 +42,10 @@ def accept_candidates(
             if kept[y, x] != 0:
                 changed += 1
                 continue
+            # Off the outermost pixels' centres, where the mesh ends: rays there may just miss it.
+            u, v = min(max(x + 0.5, 0.51), w - 0.51), min(max(y + 0.5, 0.51), h - 0.51)
             distance, _u, _v, _geometry, _primitive, length = farthest_hit(
-                function, scene, camera, bounds, x + 0.5, y + 0.5
+                function, scene, camera, bounds, u, v
             )
             depth = 1.0 / (coding[0] + coding[1] * max(float(codes[y, x]), coding[3]))
             if distance < 0.0 or depth * length > distance + delta:

@@ -1,0 +1,332 @@
+from __future__ import annotations
+
+import dataclasses
+import threading
+
+import numpy as np
+import pytest
+from farside.engine.background.coverage import choose_views, farther_pixels
+from farside.engine.background.culling import cull_unmarked, mark_background, mark_unseen
+from farside.engine.background.model import BackgroundModel
+from farside.engine.background.pbs import ProbableBackgroundSurface
+from farside.engine.background.tolerances import scene_tolerances
+from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
+from farside.engine.frame import Frame, View
+from farside.engine.kernels.culling import OFFSETS
+from farside.engine.mesh import Mesh
+from farside.engine.scene import Scene
+from farside.engine.settings import Settings
+from rooms import BOX_X, BOX_Y, CODING, WALL_X, WALL_Y, camera_row, frame, see
+
+from oracle import coverage as slow_coverage
+from oracle import rays as slow_rays
+
+SETTINGS = Settings(n_init=3, n_update=1, culling_stride=4)
+
+
+def model_of(cameras, first, settings=SETTINGS):
+    model = BackgroundModel(cameras, settings, Scene.of(cameras, settings, first))
+    return model, model.update(first)
+
+
+def pbi_of(model, camera):
+    """Depth in metres (nan: a hole) and luma of the background seen from a camera, without the outermost pixels:
+    a view's triangles end at the centres of its own."""
+    view = model.render_pbi(camera).view
+    return view.camera.depth.depth(view.codes)[1:-1, 1:-1], view.texture.y[1:-1, 1:-1]
+
+
+def near_points(model, limit=WALL_X - 0.5):
+    """Corners of valid triangles that stand before the wall."""
+    mesh = model.mesh()
+    return mesh.vertices[mesh.vertices[:, 0] < limit]
+
+
+# Which views
+
+
+def test_the_view_that_overlaps_least_comes_next():
+    row = camera_row(3)
+    back = dataclasses.replace(row[0], name="back", pose=Pose.from_euler((0, 0, 0), np.pi, 0, 0))
+    views = [see(c) for c in row]
+    behind = View(back, views[0].texture, views[0].codes)
+    assert choose_views([*views, behind], 2) == [0, 3]
+    assert choose_views([*views, behind], 3) == [0, 3, 2]
+    assert sorted(choose_views([*views, behind], 9)) == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("wide", [False, True])
+def test_only_farther_pixels_of_later_views_are_kept(wide):
+    cameras = camera_row(3)
+    if wide:
+        projection = Equirectangular(64, 48, (-0.9, 0.8), (-0.5, 0.5))
+        cameras[1] = dataclasses.replace(cameras[1], projection=projection)
+    views = [see(camera, box_y=0.1) for camera in cameras]
+    if wide:  # the oracle of the room is for perspective cameras: any depth will do
+        rng = np.random.default_rng(0)
+        codes = CODING.codes(rng.uniform(2.0, 6.0, (48, 64)))
+        codes[rng.random(codes.shape) < 0.1] = 0
+        views[1] = View(cameras[1], see(camera_row(1, (64, 48))[0]).texture, codes)
+    keep = farther_pixels(views[2], views[:2], 0.08)
+    expected = slow_coverage.farther_pixels(views[2], views[:2], 0.08)
+    np.testing.assert_array_equal(keep != 0, expected)
+    assert 0.02 < expected.mean() < 0.5
+
+
+# Culling
+
+
+def sheets(seed):
+    """Three rough sheets before cameras that look in direction x, the middle one with a gap."""
+    rng = np.random.default_rng(seed)
+    meshes = []
+    for x in (2.0, 2.5, 3.0):
+        y, z = np.meshgrid(np.linspace(1.5, -1.5, 7), np.linspace(1.5, -1.5, 7))
+        points = np.stack([x + 0.3 * rng.random(y.shape), y, z], axis=-1).reshape(-1, 3).astype(np.float32)
+        k = np.arange(49).reshape(7, 7)
+        a, b, c, d = (q.ravel() for q in (k[:-1, :-1], k[:-1, 1:], k[1:, :-1], k[1:, 1:]))
+        triangles = np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).astype(np.int32)
+        meshes.append(Mesh(points, np.zeros((49, 2), np.float32), triangles[rng.random(len(triangles)) < 0.7]))
+    return meshes
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+@pytest.mark.parametrize("delta", [0.0, 0.4])
+def test_marks_are_those_of_the_slow_twin(stride, delta):
+    cameras = camera_row(2, (24, 16))
+    meshes = sheets(0)
+    pbs = ProbableBackgroundSurface(70)
+    pbs.set_static(0, meshes[0])
+    pbs.set_static(69, meshes[1])
+    pbs.set_progressive(1, meshes[2])
+    pbs.commit()
+    starts = np.cumsum([0, *(len(m.points) for m in meshes)])
+    points = np.concatenate([m.points for m in meshes])
+    triangles = np.concatenate([m.triangles + s for m, s in zip(meshes, starts, strict=False)])
+    for number, camera in zip((1, 66), cameras, strict=True):
+        rays = mark_background(pbs, number, camera.packed(), stride, delta)
+        rows = [min(r + stride // 2, 15) + 0.5 for r in range(0, 16, stride)]
+        columns = [min(c + stride // 2, 23) + 0.5 for c in range(0, 24, stride)]
+        uvs = [(u + du, v + dv) for v in rows for u in columns for du, dv in OFFSETS]
+        expected = slow_rays.marked(camera, uvs, points, triangles, delta)
+        word, bit = divmod(number, 64)
+        found = np.concatenate([s.marks[:, word] >> np.uint64(bit) & np.uint64(1) for s in pbs.surfaces()])
+        np.testing.assert_array_equal(found != 0, expected)
+        assert len(uvs) <= rays <= 2 * len(uvs)
+    assert 0 < expected.sum() < len(expected)
+    assert cull_unmarked(pbs) == sum(np.count_nonzero(s.marks.sum(axis=1) == 0) for s in pbs.surfaces()) > 0
+
+
+def test_triangles_smaller_than_the_stride_are_not_missed():
+    cameras = camera_row(2)
+    y, z = np.meshgrid(np.linspace(1, -1, 60), np.linspace(1, -1, 60))
+    points = np.stack([np.full(y.shape, 4.0), y, z], axis=-1).reshape(-1, 3).astype(np.float32)
+    k = np.arange(3600).reshape(60, 60)
+    a, b, c = k[:-1, :-1].ravel(), k[:-1, 1:].ravel(), k[1:, :-1].ravel()
+    pbs = ProbableBackgroundSurface(2)
+    pbs.set_static(0, Mesh(points, np.zeros((3600, 2), np.float32), np.stack([a, c, b], -1).astype(np.int32)))
+    pbs.commit()
+    packed = [camera.packed() for camera in cameras]
+    assert mark_background(pbs, 0, packed[0], 8, 0.1) > 0
+    assert np.count_nonzero(pbs.static[0].marks) < 1000
+    mark_unseen(pbs, packed, 0.1)
+    assert cull_unmarked(pbs) == 0
+    rounds = []
+    for _ in range(2):  # each camera's turn keeps what it had marked
+        for camera in (0, 1):
+            mark_background(pbs, camera, packed[camera], 8, 0.1)
+        rounds.append(pbs.static[0].marks.copy())
+    np.testing.assert_array_equal(rounds[0], rounds[1])
+    assert np.all(rounds[1] != 0)
+
+
+# The model
+
+
+def test_the_first_frame_is_the_wall_and_the_box_before_it():
+    cameras = camera_row()
+    model, report = model_of(cameras, frame(0, cameras, box_y=0.0))
+    assert report.s_pbs == report.s_pbs_valid > 0
+    assert report.p_pbs == 0
+    depth, luma = pbi_of(model, cameras[1])
+    behind = np.isclose(depth, WALL_X, atol=0.02)
+    assert np.count_nonzero(~behind & ~np.isclose(depth, BOX_X, atol=0.02)) < 5  # corners of the box are culled
+    assert 0.9 < behind.mean()
+    # Where another camera sees the wall behind the box, that is what is farthest.
+    seen = see(cameras[1], box_y=0.0).texture.y[1:-1, 1:-1] == BOX_Y
+    assert np.count_nonzero(~behind) < 0.8 * np.count_nonzero(seen)
+    assert np.all(luma[behind & ~seen] == WALL_Y)
+
+
+def test_a_static_scene_adds_nothing_and_costs_no_rays():
+    cameras = camera_row()
+    model, first = model_of(cameras, frame(0, cameras, box_y=0.0))
+    for index in range(1, 5):
+        report = model.update(frame(index, cameras, box_y=0.0))
+        assert (report.updated, report.candidates, report.accepted) == (0, 0, 0)
+        assert (report.culled, report.p_pbs, report.rays) == (0, 0, 0)
+        assert report.s_pbs_valid == first.s_pbs_valid
+
+
+@pytest.mark.parametrize("n_update", [1, 2])
+def test_groups_take_turns(n_update):
+    cameras = camera_row()
+    model, _first = model_of(cameras, frame(0, cameras), dataclasses.replace(SETTINGS, n_update=n_update))
+    groups = [model.update(frame(i, cameras)).group for i in range(1, 4)]
+    expected = {1: [("v0",), ("v1",), ("v2",)], 2: [("v0", "v1"), ("v2", "v0"), ("v1", "v2")]}
+    assert groups == expected[n_update]
+
+
+@pytest.mark.parametrize("tolerance_px", [0.0, 0.25])
+def test_someone_who_left_leaves_no_ghost_after_one_round(tolerance_px):
+    cameras = camera_row()
+    settings = dataclasses.replace(SETTINGS, tolerance_px=tolerance_px)
+    model, _first = model_of(cameras, frame(0, cameras, box_y=0.0), settings)
+    assert len(near_points(model)) > 0
+    reports = [model.update(frame(index, cameras)) for index in range(1, 4)]
+    assert sum(r.accepted for r in reports) > 0
+    assert sum(r.culled for r in reports) > 0
+    assert len(near_points(model)) == 0
+    for camera in (*cameras, dataclasses.replace(cameras[1], pose=Pose((-0.3, 0.1, 0.1)))):
+        depth, luma = pbi_of(model, camera)
+        outside = np.isnan(depth)
+        assert outside.mean() < (0.25 if camera.pose.position[0] else 1e-3)
+        assert np.all(outside | np.isclose(depth, WALL_X + camera.pose.position[0] * -1, atol=0.02))
+        assert np.all(outside | (luma == WALL_Y))
+    later = [model.update(frame(index, cameras)) for index in range(4, 10)]
+    assert sum(r.accepted for r in later) == 0
+    assert later[-1].rays == 0
+
+
+def test_someone_who_comes_stays_out_of_the_model():
+    cameras = camera_row()
+    model, first = model_of(cameras, frame(0, cameras))
+    for index in range(1, 7):
+        report = model.update(frame(index, cameras, box_y=0.1 * index))
+    assert (report.p_pbs, report.s_pbs_valid) == (0, first.s_pbs_valid)
+    assert len(near_points(model)) == 0
+
+
+def test_a_walker_is_forgotten_all_along():
+    cameras = camera_row()
+    model, _first = model_of(cameras, frame(0, cameras, box_y=-0.8))
+    for index in range(1, 20):
+        report = model.update(frame(index, cameras, box_y=min(-0.8 + 0.1 * index, 0.7)))
+    assert len(near_points(model)) == 0
+    size = report.p_pbs
+    for index in range(20, 30):
+        report = model.update(frame(index, cameras, box_y=0.7))
+    assert report.p_pbs <= size
+
+
+def test_noisy_depth_does_not_make_the_model_grow():
+    cameras = camera_row()
+    rng = np.random.default_rng(0)
+
+    def noisy(index):
+        views = []
+        for view in frame(0, cameras).views:
+            depth = CODING.depth(view.codes) * (1 + 0.004 * rng.standard_normal(view.codes.shape))
+            views.append(dataclasses.replace(view, codes=CODING.codes(depth)))
+        return Frame(index, tuple(views))
+
+    model, _first = model_of(cameras, noisy(0))
+    sizes = [model.update(noisy(index)).p_pbs for index in range(1, 61)]
+    triangles_per_pixel = 2 * 3 * 96 * 64
+    assert sizes[-1] < 0.03 * triangles_per_pixel
+    assert sizes[-1] - sizes[-20] < 0.5 * (sizes[19] - sizes[0])
+    depth, _luma = pbi_of(model, cameras[1])
+    assert np.nanmax(np.abs(depth - WALL_X)) < 0.1
+
+
+def test_depth_that_was_missing_is_added_when_it_is_seen():
+    cameras = camera_row(1)
+    first = see(cameras[0])
+    codes = first.codes.copy()
+    codes[20:40, 30:50] = 0
+    model, _report = model_of(cameras, Frame(0, (dataclasses.replace(first, codes=codes),)))
+    assert np.isnan(pbi_of(model, cameras[0])[0][22:36, 32:46]).all()
+    report = model.update(frame(1, cameras))
+    assert report.accepted == 20 * 20
+    assert report.p_pbs > 0
+    np.testing.assert_allclose(pbi_of(model, cameras[0])[0], WALL_X, atol=0.02)
+
+
+def test_delta_follows_from_the_scene_unless_it_is_set():
+    views = frame(0, camera_row()).views
+    assert scene_tolerances(views, Settings()).delta_m == pytest.approx(0.02 * WALL_X, rel=0.01)
+    assert scene_tolerances(views, Settings(delta_m=0.2)).delta_m == 0.2
+    coarse = dataclasses.replace(CODING, bits=8)
+    camera = dataclasses.replace(camera_row(1)[0], depth=coarse)
+    step = coarse.step * WALL_X**2
+    assert scene_tolerances([see(camera)], Settings()).delta_m == pytest.approx(4 * step, rel=0.05)
+    empty = see(camera_row(1)[0], wall=False)
+    with pytest.raises(ValueError, match="no view has a valid depth"):
+        scene_tolerances([empty], Settings())
+
+
+def test_far_from_the_worlds_origin():
+    shift = np.array([1e6, -2e6, 5e5])
+    cameras = camera_row()
+    moved = [
+        dataclasses.replace(c, pose=Pose(tuple(float(p) for p in np.add(c.pose.position, shift)))) for c in cameras
+    ]
+
+    def there(index, box_y):
+        views = frame(index, cameras, box_y).views
+        return Frame(index, tuple(dataclasses.replace(v, camera=c) for v, c in zip(views, moved, strict=True)))
+
+    model, _first = model_of(moved, there(0, 0.0))
+    for index in range(1, 4):
+        model.update(there(index, None))
+    depth, _luma = pbi_of(model, moved[1])
+    np.testing.assert_allclose(depth, WALL_X, atol=0.02)
+    np.testing.assert_allclose(model.mesh().vertices[:, 0] - shift[0], WALL_X, atol=0.02)
+
+
+@pytest.mark.parametrize("change", ["moved", "renamed"])
+def test_frames_that_do_not_fit_are_refused_and_change_nothing(change):
+    cameras = camera_row()
+    model, _first = model_of(cameras, frame(0, cameras, box_y=0.0))
+    counts = model.counts()
+    other = {"moved": {"pose": Pose((0.1, 0.0, 0.0))}, "renamed": {"name": "v9"}}[change]
+    views = list(frame(1, cameras).views)
+    views[1] = dataclasses.replace(views[1], camera=dataclasses.replace(cameras[1], **other))
+    with pytest.raises(ValueError, match="frame 1: view"):
+        model.update(Frame(1, tuple(views)))
+    assert model.counts() == counts
+    assert model.update(frame(1, cameras)).group == ("v0",)
+
+
+def test_a_mesh_may_be_taken_while_the_model_is_updated():
+    cameras = camera_row()
+    model, _first = model_of(cameras, frame(0, cameras, box_y=0.0))
+    meshes, errors = [], []
+
+    def take():
+        try:
+            meshes.extend(model.mesh() for _ in range(30))
+        except Exception as error:  # reported by the test's own thread
+            errors.append(error)
+
+    thread = threading.Thread(target=take)
+    thread.start()
+    for index in range(1, 30):
+        model.update(frame(index, cameras, box_y=0.1 * (index % 7)))
+    thread.join()
+    assert not errors
+    assert len(meshes) == 30
+    for mesh in meshes:
+        assert mesh.triangles.min() == 0
+        assert mesh.triangles.max() == len(mesh.vertices) - 1
+        assert len(mesh.colours) == len(mesh.vertices)
+
+
+def test_a_sphere_camera_sees_the_seam_closed():
+    projection = Equirectangular(96, 48, (-np.pi, np.pi), (-np.pi / 2, np.pi / 2))
+    camera = Camera("all", projection, Pose(), CODING)
+    codes = np.full((48, 96), CODING.codes(np.array(3.0)), np.uint16)
+    view = View(camera, see(camera_row(1, (96, 48))[0]).texture, codes)
+    model, _report = model_of([camera], Frame(0, (view,)))
+    behind = Camera("behind", Perspective.from_fov(80, 60, 1.0), Pose.from_euler((0, 0, 0), np.pi, 0, 0), CODING)
+    assert not np.isnan(pbi_of(model, behind)[0]).any()
