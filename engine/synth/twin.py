@@ -26,7 +26,7 @@ FloatArray = npt.NDArray[np.float64]
 FPS = 30.0
 # The errors of estimated depth at strength 1: how far edges wander, as a share of the width, and how far
 # codes are off, as a share of their range.
-EDGE_ERROR, CODE_ERROR = 0.0012, 0.006
+EDGE_ERROR, CODE_ERROR = 0.0025, 0.006
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +83,12 @@ class Twin:
         return self._with_errors(view, index) if self.depth_noise else view
 
     def _packed(self, index: int) -> Packed:
-        if index not in self._moments:
+        packed = self._moments.get(index)
+        if packed is None:
+            packed = self.scene.packed(index / FPS)
             self._moments.clear()
-            self._moments[index] = self.scene.packed(index / FPS)
-        return self._moments[index]
+            self._moments[index] = packed
+        return packed
 
     def _with_errors(self, view: View, index: int) -> View:
         out, depth = np.empty_like(view.codes), view.camera.depth
