@@ -46,9 +46,10 @@ Group = list[Part]  # parts that lie close together: one piece of furniture, one
 
 
 class Palette:
-    """Materials by number; `add` hands out the numbers."""
+    """Materials by number; `add` hands out the numbers. The seed makes other pictures and other noise."""
 
-    def __init__(self) -> None:
+    def __init__(self, seed: int = 0) -> None:
+        self._seed = seed
         self._rows: list[FloatArray] = []
 
     def add(
@@ -61,7 +62,9 @@ class Palette:
     ) -> int:
         """A new material: pattern (`kernels.patterns`), two linear RGB colours, scale in metres, contrast."""
         other = [0.55 * c for c in colour] if other is None else other
-        self._rows.append(np.array([pattern, *colour, *other, scale, 101 * len(self._rows) + 17, rough]))
+        self._rows.append(
+            np.array([pattern, *colour, *other, scale, self._seed + 101 * len(self._rows), rough])
+        )
         return len(self._rows) - 1
 
     def packed(self) -> FloatArray:  # [k, MATERIAL_SIZE]

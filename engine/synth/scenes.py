@@ -56,7 +56,7 @@ class _Shop:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng = rng
-        self.palette = Palette()
+        self.palette = Palette(int(rng.integers(1 << 20)))
         add = self.palette.add
         self.plaster = add(p.NOISE, (0.66, 0.61, 0.52), (0.46, 0.42, 0.37), 0.6, 0.6)
         self.bricks = add(p.BRICKS, (0.5, 0.22, 0.14), (0.55, 0.52, 0.48), 0.16, 0.5)
