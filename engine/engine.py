@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -179,16 +180,11 @@ class Engine:
         with self._canvas(camera) as canvas:
             with _timed(report.stages, "warp"):
                 canvas.clear()
-                for number, prepared in enumerate(views):
-                    mesh = prepared.mesh()
-                    report.warped += len(mesh.triangles)
-                    margin = 2 * prepared.options.tolerance + prepared.view.camera.depth.step
-                    canvas.draw(mesh, target, number, near, margin)
+                report.warped = self._draw_views(canvas, views, target, near)
                 report.holes_warped = report.holes_backdrop = hole_fraction(canvas.disparity)
             with _timed(report.stages, "backdrop"):
                 if backdrop is not None:
-                    report.warped += len(backdrop.mesh().triangles)
-                    canvas.draw_backdrop(backdrop, front.present, target, len(views), near, self._push())
+                    report.warped += canvas.draw_backdrop(backdrop, front.present, target, len(views), near, self._push())
                     report.holes_backdrop = hole_fraction(canvas.disparity)
                     views.append(backdrop)
             with _timed(report.stages, "shade"):
@@ -201,6 +197,20 @@ class Engine:
                     report.holes_filled = 0.0
                 texture = canvas.texture()
             return RenderedPicture(camera, texture, canvas.disparity.copy(), canvas.winner.copy(), report)
+
+    def _draw_views(
+        self, canvas: Canvas, views: Sequence[PreparedView], target: Target, near: float
+    ) -> int:
+        """Draw views in order of worth; returns the number of triangles."""
+        warped = 0
+        for number, prepared in enumerate(views):
+            margin = 2 * prepared.options.tolerance + prepared.view.camera.depth.step
+            warped += canvas.draw(prepared.mesh(), target, number, near, margin)
+        if self.settings.rims:
+            # Half a pixel round everything is known less well: it goes only where no view has a surface.
+            for number, prepared in enumerate(views):
+                warped += canvas.draw(prepared.mesh(rims=True), target, number, near, math.inf)
+        return warped
 
     def _push(self) -> float:
         """Metres by which the backdrop is moved backwards (section 3.4.2)."""

@@ -50,5 +50,5 @@ class Scene:
         """Bounds of a camera's triangulation: pixels of parallax at the baseline, turned into disparity."""
         pixel = 1.0 / (self.baseline * pixels_per_radian(camera))
         return TriangulationOptions(
-            settings.tolerance_px * pixel, settings.edge_px * pixel, settings.max_block_px, settings.extend_edges
+            settings.tolerance_px * pixel, settings.edge_px * pixel, settings.max_block_px
         )

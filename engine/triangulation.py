@@ -32,7 +32,7 @@ class TriangulationOptions:
     tolerance: float
     edge: float
     max_block: int = 32
-    extend_edges: bool = True
+    extend_edges: bool = False
 
 
 def triangulate(
@@ -42,8 +42,11 @@ def triangulate(
     *,
     origin: npt.ArrayLike = (0.0, 0.0, 0.0),
     keep: npt.NDArray[np.uint8] | None = None,
+    rims: bool = False,
 ) -> Mesh:
     """Triangulate a view's depth codes [h, w].
+
+    With `rims` only what the surface leaves of the squares of pixels at depth edges is made.
 
     Where `keep` (uint8 [h, w]) is given, only triangles with at least one kept pixel are made (section 3.3.3)
     and no merged triangle spans kept and other pixels. Points are relative to `origin`, metres.
@@ -63,16 +66,18 @@ def triangulate(
         block, tolerance = 2, -1.0
     rows, columns = math.ceil((h - 1) / block), math.ceil((w - (not wraps)) / block)
     error = np.zeros((rows * block + 1, columns * block + 1), np.float32)
-    if tolerance > 0:
+    both = kernels.BOTH if options.extend_edges else kernels.SURFACE
+    parts = kernels.RIMS if rims else both
+    if tolerance > 0 and not rims:
         kernels.split_errors(codes, flags, block, wraps, error)
     counts = np.empty((rows * columns, 2), np.int64)
-    kernels.count_block_triangles(flags, error, tolerance, block, wraps, options.extend_edges, counts)
+    kernels.count_block_triangles(flags, error, tolerance, block, wraps, parts, counts)
     starts = np.zeros((rows * columns + 1, 2), np.int64)
     np.cumsum(counts, axis=0, out=starts[1:])
     vertices = np.empty((starts[-1, 0], 6), np.int32)
     triangles = np.empty((starts[-1, 1], 3), np.int32)
     kernels.emit_block_triangles(
-        flags, error, tolerance, block, wraps, options.extend_edges, starts, vertices, triangles
+        flags, error, tolerance, block, wraps, parts, starts, vertices, triangles
     )
     points = np.empty((len(vertices), 3), np.float32)
     uv = np.empty((len(vertices), 2), np.float32)

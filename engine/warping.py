@@ -35,20 +35,21 @@ def pixels_per_radian(camera: Camera) -> float:
 
 @dataclass
 class PreparedView:
-    """A view with what warping needs of it; its mesh is made when first asked for, by one thread."""
+    """A view with what warping needs of it; its meshes are made when first asked for, by one thread."""
 
     view: View
     options: TriangulationOptions
     origin: npt.NDArray[np.float64]
-    _mesh: Mesh | None = None
+    _meshes: dict[bool, Mesh] = field(default_factory=dict)  # rims or surface
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def mesh(self) -> Mesh:
-        """The view's triangles."""
+    def mesh(self, *, rims: bool = False) -> Mesh:
+        """The view's surface, or its rims (see `triangulate`)."""
         with self._lock:
-            if self._mesh is None:
-                self._mesh = triangulate(self.view.camera, self.view.codes, self.options, origin=self.origin)
-            return self._mesh
+            if rims not in self._meshes:
+                camera, codes = self.view.camera, self.view.codes
+                self._meshes[rims] = triangulate(camera, codes, self.options, origin=self.origin, rims=rims)
+            return self._meshes[rims]
 
     @cached_property
     def table_row(self) -> npt.NDArray[np.float64]:  # [TABLE_SIZE]
@@ -106,22 +107,27 @@ class Canvas:
         for plane in self.planes:
             plane.fill(_GREY)
 
-    def draw(self, mesh: Mesh, target: Target, number: int, near: float, margin: float) -> None:
-        """Draw a view's mesh as view `number`; it wins a pixel where it is nearer by `margin` (disparity)."""
+    def draw(self, mesh: Mesh, target: Target, number: int, near: float, margin: float) -> int:
+        """Draw a view's mesh as view `number`; it wins a pixel where it is nearer by `margin` (disparity).
+
+        Returns the number of triangles.
+        """
         self._rasterise(mesh, target, number, near, margin, 0.0, self.disparity, self.winner)
+        return len(mesh.triangles)
 
     def draw_backdrop(
         self, backdrop: PreparedView, present: ViewTable, target: Target, number: int, near: float, push: float
-    ) -> None:
+    ) -> int:
         """Lay a backdrop behind what was drawn, `push` metres farther away than it is (section 3.4.2).
 
-        What one of the present views looks through is a ghost of the past and left out.
+        What one of the present views looks through is a ghost of the past and left out. Returns triangles.
         """
         self._backdrop.fill(0.0)
         self._rasterise(backdrop.mesh(), target, number, near, 0.0, push, self._backdrop, self._nobody)
         composite.lay_backdrop(
             self._backdrop, target.packed, present.rows, present.addresses, push, number, self.disparity, self.winner
         )
+        return len(backdrop.mesh().triangles)
 
     def _rasterise(
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float, push: float,

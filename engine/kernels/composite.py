@@ -11,6 +11,10 @@ from .shade import INVALID, OFFSET, STEP, load_texel
 
 __all__ = ["lay_backdrop"]
 
+# Share of its depth by which a live surface must lie behind the backdrop's to be hidden by it, besides the slack:
+# creases of the coarser backdrop mesh bulge a little.
+_NEARER = 0.03
+
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
@@ -39,7 +43,7 @@ def _sees_through(row: F64, codes: int, x: float, y: float, z: float, slack: flo
 def lay_backdrop(
     backdrop: F32, camera: F64, table: F64, addresses: I64, slack: float, number: int, disparity: F32, winner: U8
 ) -> None:
-    """Take the backdrop's disparity where nothing was drawn or where it is nearer, as view `number`.
+    """Take the backdrop's disparity where nothing was drawn or where it is clearly nearer, as view `number`.
 
     Not taken is what is a ghost of the past: a surface through which one of the table's (present) views looks.
     """
@@ -47,8 +51,8 @@ def lay_backdrop(
     for row in numba.prange(h):
         y = np.int64(row)
         for x in range(w):
-            q = backdrop[y, x]
-            if q <= disparity[y, x]:
+            q, live = backdrop[y, x], disparity[y, x]
+            if q <= 0.0 or (live > 0.0 and 1.0 / q > (1.0 - _NEARER) / live - slack):
                 continue
             px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / q)
             ghost = False

@@ -30,6 +30,10 @@ F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 
+# What is made: the surface, which ends at the centres of pixels at depth edges; the rims, which are what is left of
+# those pixels' squares; or both without overlap.
+SURFACE, RIMS, BOTH = 0, 1, 2
+
 # Bits of a pixel's flags.
 CUT_RIGHT = 1  # no surface between this pixel and its right neighbour
 CUT_DOWN = 2
@@ -211,9 +215,8 @@ def _leaf_is_surface(
     """Whether a half quad is emitted: legs c-a and c-b without a depth edge, a corner kept."""
     if not (flags[ay, ax % w] | flags[by, bx % w] | flags[cy, cx % w]) & KEPT:
         return False
-    x, y = min(ax, bx), min(ay, by)
     if extend:
-        return not _quad_is_cut(flags, x, y, w)
+        return not _quad_is_cut(flags, min(ax, bx), min(ay, by), w)
     for px, py in ((ax, ay), (bx, by)):
         if px < cx or py < cy:
             if _cut_between(flags, px, py, cx, cy, w):
@@ -225,14 +228,21 @@ def _leaf_is_surface(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _walk_block(
-    flags: U8, error: F32, tolerance: float, block: int, bx: int, by: int, wraps: bool, extend: bool,
+    flags: U8, error: F32, tolerance: float, block: int, bx: int, by: int, wraps: bool, parts: int,
     table: I32, vertices: I32, triangles: I32, vertex_base: int, triangle_base: int, emit: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """Visit the triangles of one block; returns its counts of vertices and triangles."""
     h, w = flags.shape
     limit = w if wraps else w - 1  # largest x of a vertex
-    table[:] = -1
     n_vertices, n_triangles = 0, 0
+    if parts != SURFACE:
+        n_vertices, n_triangles = _walk_cut_quads(
+            flags, bx * block, by * block, min((bx + 1) * block, limit), min((by + 1) * block, h - 1), w,
+            vertices, triangles, vertex_base, triangle_base, emit,
+        )  # fmt: skip
+    if parts == RIMS:
+        return n_vertices, n_triangles
+    table[:] = -1
     stack = np.empty((64, 6), np.int64)
     x0, y0, x1, y1 = bx * block, by * block, (bx + 1) * block, (by + 1) * block
     # Longest side first (a, b), then the right angle c; wound counter-clockwise on screen (v down).
@@ -260,7 +270,7 @@ def _walk_block(
         if outside:
             continue
         if leaf:
-            if not _leaf_is_surface(flags, ax, ay, bx_, by_, cx, cy, w, extend):
+            if not _leaf_is_surface(flags, ax, ay, bx_, by_, cx, cy, w, parts == BOTH):
                 continue
         elif not flags[ay, ax % w] & KEPT or not flags[ay, ax % w] & VALID:
             continue
@@ -278,20 +288,16 @@ def _walk_block(
                 vertex_base + i, vertex_base + j, vertex_base + k,
             )  # fmt: skip
         n_triangles += 1
-    if extend:
-        n_vertices, n_triangles = _walk_cut_quads(
-            flags, x0, y0, min(x1, limit), min(y1, h - 1), w, vertices, triangles,
-            vertex_base, triangle_base, n_vertices, n_triangles, emit,
-        )  # fmt: skip
     return n_vertices, n_triangles
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _walk_cut_quads(
     flags: U8, x0: int, y0: int, x1: int, y1: int, w: int, vertices: I32, triangles: I32,
-    vertex_base: int, triangle_base: int, n_vertices: int, n_triangles: int, emit: bool,
+    vertex_base: int, triangle_base: int, emit: bool,
 ) -> tuple[int, int]:  # fmt: skip
-    """Quads that a depth edge crosses: every valid corner keeps its quarter, so that a pixel keeps its square."""
+    """Rims: in quads that a depth edge crosses every valid corner keeps its quarter, and so a pixel its square."""
+    n_vertices, n_triangles = 0, 0
     for y in range(y0, y1):
         for x in range(x0, x1):
             if not flags[y, x % w] & BROKEN or not _quad_is_cut(flags, x, y, w):
@@ -336,23 +342,23 @@ def _quarter(
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def count_block_triangles(
-    flags: U8, error: F32, tolerance: float, block: int, wraps: bool, extend: bool, counts: I64
+    flags: U8, error: F32, tolerance: float, block: int, wraps: bool, parts: int, counts: I64
 ) -> None:
-    """Fill counts [blocks, 2]: vertices and triangles of every block."""
+    """Fill counts [blocks, 2]: vertices and triangles of every block; `parts` as listed above."""
     columns = (error.shape[1] - 1) // block
     nothing = np.empty((0, 6), np.int32)
     no_triangles = np.empty((0, 3), np.int32)
     for b in numba.prange(counts.shape[0]):
         table = np.empty((block + 1) * (block + 1), np.int32)
         counts[b, 0], counts[b, 1] = _walk_block(
-            flags, error, tolerance, block, b % columns, b // columns, wraps, extend,
+            flags, error, tolerance, block, b % columns, b // columns, wraps, parts,
             table, nothing, no_triangles, 0, 0, False,
         )  # fmt: skip
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def emit_block_triangles(
-    flags: U8, error: F32, tolerance: float, block: int, wraps: bool, extend: bool, starts: I64,
+    flags: U8, error: F32, tolerance: float, block: int, wraps: bool, parts: int, starts: I64,
     vertices: I32, triangles: I32,
 ) -> None:  # fmt: skip
     """Fill vertices [n, 6] (twice u and v, then two pixels whose codes are averaged) and triangles [m, 3]."""
@@ -360,7 +366,7 @@ def emit_block_triangles(
     for b in numba.prange(starts.shape[0] - 1):
         table = np.empty((block + 1) * (block + 1), np.int32)
         _walk_block(
-            flags, error, tolerance, block, b % columns, b // columns, wraps, extend,
+            flags, error, tolerance, block, b % columns, b // columns, wraps, parts,
             table, vertices, triangles, starts[b, 0], starts[b, 1], True,
         )  # fmt: skip
 
