@@ -37,21 +37,23 @@ def srgb_from_ycbcr(ycbcr: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
     y = (ycbcr[:, 0] - 64.0) / 876.0
     cb, cr = (ycbcr[:, 1] - 512.0) / 896.0, (ycbcr[:, 2] - 512.0) / 896.0
     rgb = np.stack([y + 1.5748 * cr, y - 0.1873 * cb - 0.4681 * cr, y + 1.8556 * cb], axis=-1)
-    return np.rint(np.clip(rgb, 0.0, 1.0) * 255.0).astype(np.uint8)
+    codes: npt.NDArray[np.uint8] = np.rint(np.clip(rgb, 0.0, 1.0) * 255.0).astype(np.uint8)
+    return codes
 
 
 def to_glb(mesh: ColouredMesh) -> bytes:
     """glTF binary; metres, glTF's axes (x right, y up, -z forward)."""
     x, y, z = mesh.vertices.T
-    data: bytes = _trimesh(mesh, np.stack([-y, z, -x], axis=-1)).export(file_type="glb")
-    return data
+    return _file(mesh, np.stack([-y, z, -x], axis=-1), "glb")
 
 
 def to_ply(mesh: ColouredMesh) -> bytes:
     """Binary PLY; metres, the world's axes (x forward, y left, z up)."""
-    data: bytes = _trimesh(mesh, mesh.vertices).export(file_type="ply")
+    return _file(mesh, mesh.vertices, "ply")
+
+
+def _file(mesh: ColouredMesh, vertices: npt.NDArray[np.float64], kind: str) -> bytes:
+    whole = trimesh.Trimesh(vertices, mesh.triangles, vertex_colors=mesh.colours, process=False, validate=False)
+    data = whole.export(file_type=kind)
+    assert isinstance(data, bytes)
     return data
-
-
-def _trimesh(mesh: ColouredMesh, vertices: npt.NDArray[np.float64]) -> trimesh.Trimesh:
-    return trimesh.Trimesh(vertices, mesh.triangles, vertex_colors=mesh.colours, process=False, validate=False)

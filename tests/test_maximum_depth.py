@@ -10,9 +10,8 @@ from farside.engine.camera import Camera, Perspective, Pose
 from farside.engine.depth import DepthCoding
 from farside.engine.frame import View
 from farside.engine.kernels.maximum_depth import PHASES
-from rooms import BOX_Y, WALL_Y, camera_row, see, texture_of
-
 from oracle.maximum_depth import update
+from rooms import BOX_Y, WALL_Y, camera_row, see, texture_of
 
 TOLERANCES = Tolerances(delta_m=0.1, margin_m=0.05)
 

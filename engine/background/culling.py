@@ -8,7 +8,7 @@ so that none can mark it again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,7 @@ from ..embree import MarkQuery
 from ..kernels.culling import mark_grid, mark_through
 from .pbs import ProbableBackgroundSurface, Surface
 
-__all__ = ["cull_unmarked", "mark_background", "mark_unseen"]
+__all__ = ["cull_unmarked", "mark_background", "mark_missed"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -28,41 +28,43 @@ def mark_background(
 ) -> int:
     """Casts a camera's culling rays and renews its marks; returns the number of rays.
 
-    Two rays for every stride-th pixel both ways, and one through the centroid of each triangle that had the
-    camera's mark and was missed by these: an error-bounded mesh has triangles smaller than any stride. Each ray that
-    hits is followed by a complementary one. `packed` is the camera as kernels take it.
+    Two rays for every stride-th pixel both ways; each that hits is followed by a complementary one. `packed` is
+    the camera as kernels take it.
     """
     word, bit = camera // 64, np.uint64(1 << (camera % 64))
-    before = []
     for surface in pbs.surfaces():
-        before.append(surface.marks[:, word] & bit)
         surface.marks[:, word] &= ~bit
     query = MarkQuery(pbs.marks_table, word, int(bit))
-    arguments = (delta_m, pbs.marks_table, word, bit.astype(np.int64))
-    rays = mark_grid(pbs.intersect, pbs.scene, query.address, packed, pbs.bounds, stride, *arguments)
-    missed = [
-        (had & ~surface.marks[:, word] != 0) & (surface.invalid == 0)
-        for surface, had in zip(pbs.surfaces(), before, strict=True)
-    ]
-    points = _centroids(pbs, missed)
-    rays += mark_through(pbs.intersect, pbs.scene, query.address, packed, pbs.bounds, points, *arguments)
+    rays = mark_grid(
+        pbs.intersect, pbs.scene, query.address, packed, pbs.bounds, stride, delta_m,
+        pbs.marks_table, word, bit.astype(np.int64),
+    )  # fmt: skip
     return int(rays)
 
 
-def mark_unseen(pbs: ProbableBackgroundSurface, packed: Sequence[FloatArray], delta_m: float) -> int:
-    """Gives every triangle without a mark one ray from each camera through its centroid; returns the rays.
+def mark_missed(
+    pbs: ProbableBackgroundSurface, cameras: Iterable[int], packed: Sequence[FloatArray], delta_m: float
+) -> int:
+    """Looks again at triangles without a mark, one camera after the other until one finds them; returns the rays.
 
-    These are new triangles that the grid of rays has missed, and those that were about to be culled: a last look.
+    A ray goes through the centroid of each: an error-bounded mesh has triangles smaller than any stride, which would
+    else be culled wherever they stand. Each is left with one mark, so that it is looked at again in that camera's
+    next turn, not in every one.
     """
-    points = _centroids(pbs, [_unmarked(surface) for surface in pbs.surfaces()])
-    rays = 0
-    for camera, own in enumerate(packed if len(points) else ()):
+    surfaces, rays = list(pbs.surfaces()), 0
+    missed = [np.flatnonzero(_unmarked(surface)) for surface in surfaces]
+    for camera in cameras:
+        corners = [s.mesh.points[s.mesh.triangles[m]] for s, m in zip(surfaces, missed, strict=True)]
+        points = np.concatenate([np.empty((0, 3), np.float32), *(c.mean(axis=1) for c in corners)])
+        if not len(points):
+            break
         word, bit = camera // 64, np.uint64(1 << (camera % 64))
         query = MarkQuery(pbs.marks_table, word, int(bit))
         rays += mark_through(
-            pbs.intersect, pbs.scene, query.address, own, pbs.bounds, points, delta_m,
+            pbs.intersect, pbs.scene, query.address, packed[camera], pbs.bounds, points, delta_m,
             pbs.marks_table, word, bit.astype(np.int64),
         )  # fmt: skip
+        missed = [m[s.marks[m, word] & bit == 0] for s, m in zip(surfaces, missed, strict=True)]
     return int(rays)
 
 
@@ -78,11 +80,7 @@ def cull_unmarked(pbs: ProbableBackgroundSurface) -> int:
 
 def _unmarked(surface: Surface) -> npt.NDArray[np.bool_]:  # [m]
     """Which valid triangles have no mark."""
-    unmarked: npt.NDArray[np.bool_] = (surface.invalid == 0) & ~surface.marks.any(axis=1)
+    unmarked: npt.NDArray[np.bool_] = surface.invalid == 0
+    for word in range(surface.marks.shape[1]):
+        unmarked &= surface.marks[:, word] == 0
     return unmarked
-
-
-def _centroids(pbs: ProbableBackgroundSurface, chosen: Sequence[npt.NDArray[np.bool_]]) -> npt.NDArray[np.float32]:
-    """Centroids [n, 3] of chosen triangles, one array of flags for each surface."""
-    parts = [s.mesh.points[s.mesh.triangles[c]].mean(axis=1) for s, c in zip(pbs.surfaces(), chosen, strict=True)]
-    return np.concatenate([np.empty((0, 3), np.float32), *parts])

@@ -30,17 +30,22 @@ class MaximumDepthImage:
 
     def __init__(self, view: View, tolerances: Tolerances, edge: float) -> None:
         self.camera = view.camera
-        self.codes = view.codes.astype(np.uint16)
-        self.texture = Texture(*(np.array(p, np.uint16) for p in _planes(view.texture)))
+        self.codes = np.array(view.codes, np.uint16, order="C")  # kernels take addresses
+        self.texture = Texture(*(np.array(p, np.uint16, order="C") for p in _planes(view.texture)))
         self.updated = np.zeros(self.codes.shape, np.uint8)
         self.kept = np.zeros(self.codes.shape, np.uint8)
         self.provisional = np.zeros(self.codes.shape, np.uint8)
         self._limits = np.empty(self.codes.shape, np.uint16)  # below which a new code is farther; kept up to date
-        self._rules = _rules(view.camera, tolerances, edge)
-        prepare_maximum_depth(self.codes, self._rules, self._limits, self.provisional)
+        self._edge = edge
         self._phase = 0
+        self.compare_by(tolerances)
         self.pending = 0  # updates since the camera's last turn, pixels counted as often as they changed
         self._counts = np.zeros((self.codes.shape[0] + 1) // 2, np.int64)
+
+    def compare_by(self, tolerances: Tolerances) -> None:
+        """Sets what a nontrivial amount is."""
+        self._rules = _rules(self.camera, tolerances, self._edge)
+        prepare_maximum_depth(self.codes, self._rules, self._limits, self.provisional)
 
     def update(self, view: View) -> int:
         """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -23,10 +23,10 @@ from ..scene import Scene
 from ..settings import Settings
 from ..triangulation import triangulate
 from .coverage import choose_views, farther_pixels
-from .culling import cull_unmarked, mark_background, mark_unseen
+from .culling import cull_unmarked, mark_background, mark_missed
 from .maximum_depth import MaximumDepthImage, coding_row
 from .pbs import ProbableBackgroundSurface, Surface
-from .tolerances import Tolerances, scene_tolerances
+from .tolerances import Tolerances, scene_tolerances, with_noise
 
 __all__ = ["BackgroundModel", "UpdateReport"]
 
@@ -60,11 +60,7 @@ class BackgroundModel:
         self.settings = settings
         self._origin = np.asarray(scene.origin, np.float64)
         self._packed = [camera.packed(self._origin) for camera in self.cameras]
-        # Surfaces of the model end at each other, not at the centres of their last pixels: a gap of a pixel between
-        # someone and the wall would be a hole in the background, and let rays through to what is behind.
-        self._options = [
-            dataclasses.replace(scene.triangulation(camera, settings), extend_edges=True) for camera in self.cameras
-        ]
+        self._options = [scene.triangulation(camera, settings) for camera in self.cameras]
         self._pbs = ProbableBackgroundSurface(len(self.cameras))
         self._images: list[MaximumDepthImage] = []
         self._image_table = np.zeros((len(self.cameras), 8), np.int64)
@@ -72,6 +68,7 @@ class BackgroundModel:
         self._scratch: dict[tuple[int, ...], npt.NDArray[np.int32]] = {}
         self._cast_version = [-1] * len(self.cameras)  # the PBS' version at each camera's last culling rays
         self._next = 0
+        self._noise_known = False
         self._lock = threading.Lock()  # held while surfaces are replaced or flagged, and while they are listed
 
     @property
@@ -137,10 +134,22 @@ class BackgroundModel:
         earlier: list[View] = []
         for c in choose_views(views, self.settings.n_init):
             keep = farther_pixels(views[c], earlier, self.delta, self._origin) if earlier else None
-            mesh = triangulate(views[c].camera, views[c].codes, self._options[c], origin=self._origin, keep=keep)
+            mesh = self._triangulate(c, views[c].codes, keep)
             with self._lock:
                 self._pbs.set_static(c, mesh)
             earlier.append(views[c])
+
+    def _triangulate(self, c: int, codes: npt.NDArray[np.uint16], keep: npt.NDArray[np.uint8] | None) -> Mesh:
+        """A camera's mesh with the rims of its surfaces: a gap of a pixel between someone and the wall would be a
+        hole in the background, and let rays through to what is behind."""
+        camera, options = self.cameras[c], self._options[c]
+        surface = triangulate(camera, codes, options, origin=self._origin, keep=keep)
+        rims = triangulate(camera, codes, options, origin=self._origin, keep=keep, rims=True)
+        return Mesh(
+            np.concatenate([surface.points, rims.points]),
+            np.concatenate([surface.uv, rims.uv]),
+            np.concatenate([surface.triangles, rims.triangles + np.int32(len(surface.points))]),
+        )
 
     # Every later frame (section 3.3.3)
 
@@ -150,6 +159,8 @@ class BackgroundModel:
         self._next = (self._next + size) % len(self.cameras)
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
         with _timed(report, "maximum_depth"):
+            if not self._noise_known:
+                self._allow_for_noise(frame)
             for image, view in zip(self._images, frame.views, strict=True):
                 report.updated += image.update(view)
         for c in group:
@@ -160,6 +171,15 @@ class BackgroundModel:
             # Where no geometry has changed since a camera's last rays, they would find the same again.
             self._cull([c for c in group if self._cast_version[c] != self._pbs.version], report)
         return report
+
+    def _allow_for_noise(self, frame: Frame) -> None:
+        """The second frame tells how much depth flickers."""
+        self._noise_known = True
+        before = [image.codes for image in self._images]
+        self._tolerances = with_noise(self._tolerances, before, frame.views, self.settings)
+        if self._tolerances.noise:
+            for image in self._images:
+                image.compare_by(self._tolerances)
 
     def _take_turn(self, c: int, report: UpdateReport) -> None:
         """Filters what was uncovered since the camera's last turn, and derives its part of the P-PBS anew."""
@@ -207,20 +227,21 @@ class BackgroundModel:
     def _derive(self, c: int, before: Surface | None, numbers: npt.NDArray[np.int32]) -> None:
         """Triangulates the kept pixels; what was there before keeps its marks."""
         image = self._images[c]
-        mesh = triangulate(image.camera, image.codes, self._options[c], origin=self._origin, keep=image.kept)
+        mesh = self._triangulate(c, image.codes, image.kept)
         with self._lock:
             surface = self._pbs.set_progressive(c, mesh)
         if before is not None:
             inherit_marks(mesh.uv, mesh.triangles, numbers, before.marks, surface.marks)
 
-    def _cull(self, cameras: Iterable[int], report: UpdateReport) -> None:
+    def _cull(self, cameras: Sequence[int], report: UpdateReport) -> None:
         """Renews the marks of some cameras, and flags what no camera's marks are left on."""
         for c in cameras:
             self._cast_version[c] = self._pbs.version
             report.rays += mark_background(
                 self._pbs, c, self._packed[c], self.settings.culling_stride, self.delta
             )
-        report.rays += mark_unseen(self._pbs, self._packed, self.delta)
+        others = [c for c in range(len(self.cameras)) if c not in cameras]
+        report.rays += mark_missed(self._pbs, [*cameras, *others], self._packed, self.delta)
         with self._lock:
             report.culled += cull_unmarked(self._pbs)
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from ..camera import Camera
 from ..depth import DepthCoding
 from ..frame import View
 from ..settings import Settings
 
-__all__ = ["Tolerances", "scene_tolerances"]
+__all__ = ["Tolerances", "scene_tolerances", "with_noise"]
+
+U16 = npt.NDArray[np.uint16]
 
 # Two surfaces closer than this share of the typical depth are taken as one: reprojection errors of calibrated
 # rigs and of depth estimation grow with depth, and stay well below it. 0.2 m (the paper) at 10 m.
@@ -24,18 +29,28 @@ _DELTA_STEPS = 4.0
 # two whole steps at least.
 _MARGIN_SHARE = 0.05
 _MARGIN_STEPS = 1.5
+# Of the absolute difference of two normal variates, to their common standard deviation: 1 / (0.6745 sqrt(2)).
+_DEVIATION_OF_MEDIAN = 1.0483
+# Depth that flickers: the maximum over many frames and the first frame's triangles stray to opposite sides, by three
+# to four standard deviations each. Less than that would add a little of every wall to the P-PBS, for ever.
+_DELTA_DEVIATIONS = 8.0
+_MARGIN_DEVIATIONS = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """delta_m: of culling and filtering, metres along a ray; margin_m: the least nontrivial amount, metres."""
+    """delta_m: of culling and filtering, metres along a ray; margin_m: the least nontrivial amount, metres.
+
+    noise: the standard deviation of disparity between frames, 1/m.
+    """
 
     delta_m: float
     margin_m: float
+    noise: float = 0.0
 
     def margin_disparity(self, coding: DepthCoding) -> float:
         """The least nontrivial amount in a camera's disparities, 1/m."""
-        return _MARGIN_STEPS * coding.step
+        return max(_MARGIN_STEPS * coding.step, _MARGIN_DEVIATIONS * self.noise)
 
 
 def scene_tolerances(views: Sequence[View], settings: Settings) -> Tolerances:
@@ -46,11 +61,40 @@ def scene_tolerances(views: Sequence[View], settings: Settings) -> Tolerances:
     return Tolerances(delta, _MARGIN_SHARE * delta)
 
 
+def with_noise(
+    tolerances: Tolerances, before: Sequence[U16], views: Sequence[View], settings: Settings
+) -> Tolerances:
+    """Tolerances that also allow for how much the depth of what stands still differs between two frames.
+
+    `before`: the codes [h, w] of the views one frame earlier.
+    """
+    noise, medians = [], []
+    for codes, view in zip(before, views, strict=True):
+        old, new = _sampled(view.camera, codes), _sampled(view.camera, view.codes)
+        difference = np.abs(new - old)[np.isfinite(new - old)]
+        if difference.size:
+            # The median: what moves is less than half of a picture.
+            noise.append(_DEVIATION_OF_MEDIAN * float(np.median(difference)))
+            medians.append(1.0 / float(np.nanmedian(old)))
+    if not noise:
+        return tolerances
+    deviation = float(np.median(noise))
+    delta = tolerances.delta_m
+    if settings.delta_m is None:
+        delta = max(delta, _DELTA_DEVIATIONS * deviation * float(np.median(medians)) ** 2)
+    return dataclasses.replace(tolerances, delta_m=delta, noise=deviation)
+
+
+def _sampled(camera: Camera, codes: U16) -> npt.NDArray[np.float64]:
+    """Disparities of about 16384 of a view's pixels, nan where there is none."""
+    stride = max(1, math.isqrt(codes.size // 16384))
+    return camera.depth.disparity(codes[::stride, ::stride])
+
+
 def _automatic_delta(views: Sequence[View]) -> float:
     medians, steps = [], []
     for view in views:
-        stride = max(1, math.isqrt(view.codes.size // 16384))
-        depth = view.camera.depth.depth(view.codes[::stride, ::stride])
+        depth = 1.0 / _sampled(view.camera, view.codes)
         depth = depth[np.isfinite(depth)]
         if depth.size:
             medians.append(float(np.median(depth)))
