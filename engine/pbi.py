@@ -55,9 +55,7 @@ def enlarged(camera: Camera, depth: DepthCoding, scale: float = 1.0, margin_rad:
     wide: Perspective | Equirectangular
     if isinstance(projection, Perspective):
         left, right, top, bottom = (_widened(side, margin_rad) for side in _tangents(projection))
-        wide = _frustum(
-            scale * abs(projection.fx), scale * abs(projection.fy), left, right, top, bottom
-        )
+        wide = _frustum(scale * abs(projection.fx), scale * abs(projection.fy), left, right, top, bottom)
     else:
         wide = _wider_sphere(projection, scale, margin_rad)
     return dataclasses.replace(camera, name="imaginary", projection=wide, depth=depth, texture_bits=10)

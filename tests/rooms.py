@@ -16,8 +16,7 @@ def camera_row(count=3, size=(96, 64), spacing=0.4, fov=1.2):
     """Cameras along y that look in direction x."""
     projection = Perspective.from_fov(*size, fov)
     return [
-        Camera(f"v{i}", projection, Pose((0.0, spacing * (i - (count - 1) / 2), 0.0)), CODING)
-        for i in range(count)
+        Camera(f"v{i}", projection, Pose((0.0, spacing * (i - (count - 1) / 2), 0.0)), CODING) for i in range(count)
     ]
 
 

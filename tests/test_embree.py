@@ -52,7 +52,7 @@ def scene_of(*meshes):
 
 def cast(scene, camera, uv):
     result = np.empty((len(uv), 3))
-    bounds = scene.bounds() + [[-0.01], [0.01]]
+    bounds = scene.bounds() + np.array([[-0.01], [0.01]])
     farthest_hits(intersect_address(), scene.address, camera.packed(), bounds, np.asarray(uv, float), result)
     return result
 

@@ -237,9 +237,7 @@ class BackgroundModel:
         """Renews the marks of some cameras, and flags what no camera's marks are left on."""
         for c in cameras:
             self._cast_version[c] = self._pbs.version
-            report.rays += mark_background(
-                self._pbs, c, self._packed[c], self.settings.culling_stride, self.delta
-            )
+            report.rays += mark_background(self._pbs, c, self._packed[c], self.settings.culling_stride, self.delta)
         others = [c for c in range(len(self.cameras)) if c not in cameras]
         report.rays += mark_missed(self._pbs, [*cameras, *others], self._packed, self.delta)
         with self._lock:

@@ -61,9 +61,7 @@ def scene_tolerances(views: Sequence[View], settings: Settings) -> Tolerances:
     return Tolerances(delta, _MARGIN_SHARE * delta)
 
 
-def with_noise(
-    tolerances: Tolerances, before: Sequence[U16], views: Sequence[View], settings: Settings
-) -> Tolerances:
+def with_noise(tolerances: Tolerances, before: Sequence[U16], views: Sequence[View], settings: Settings) -> Tolerances:
     """Tolerances that also allow for how much the depth of what stands still differs between two frames.
 
     `before`: the codes [h, w] of the views one frame earlier.

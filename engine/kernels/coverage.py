@@ -24,7 +24,7 @@ def _hides_all(codes: U16, coding: F64, wraps: bool, u: float, v: float, limit: 
     All four, so that meshes overlap by a pixel where one ends at the rim of something nearer or of its picture.
     """
     h, w = codes.shape
-    x0, y0 = int(math.floor(u - 0.5)), int(math.floor(v - 0.5))
+    x0, y0 = math.floor(u - 0.5), math.floor(v - 0.5)
     if y0 < 0 or y0 + 1 >= h or (not wraps and (x0 < 0 or x0 + 1 >= w)):
         return False
     for k in range(4):

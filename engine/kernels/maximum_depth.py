@@ -46,7 +46,7 @@ def _beside_nearer(codes: U16, row: int, x: int, edge: int) -> bool:
 def _limit(code: int, rules: F64) -> int:
     """A code's row in `limits`: new - lowest < limit, in wrapping 16-bit arithmetic, says "valid and farther"."""
     limit = farther_than(code, rules[0], rules[1], rules[2] > 0.0, rules[3], rules[4]) - rules[2]
-    return int(math.ceil(min(max(limit, 0.0), 65535.0)))
+    return math.ceil(min(max(limit, 0.0), 65535.0))
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")

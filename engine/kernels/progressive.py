@@ -44,9 +44,7 @@ def accept_candidates(
                 continue
             # Off the outermost pixels' centres, where the mesh ends: rays there may just miss it.
             u, v = min(max(x + 0.5, 0.51), w - 0.51), min(max(y + 0.5, 0.51), h - 0.51)
-            distance, _u, _v, _geometry, _primitive, length = farthest_hit(
-                function, scene, camera, bounds, u, v
-            )
+            distance, _u, _v, _geometry, _primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
             depth = 1.0 / (coding[0] + coding[1] * max(float(codes[y, x]), coding[3]))
             if distance < 0.0 or depth * length > distance + delta:
                 kept[y, x] = 1

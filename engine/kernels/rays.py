@@ -164,9 +164,7 @@ def mark_and_pass(arguments: int) -> None:
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def distance_to_exit(
-    bounds: F64, x: float, y: float, z: float, dx: float, dy: float, dz: float
-) -> float:
+def distance_to_exit(bounds: F64, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
     """How far a ray goes until it has left a box [2, 3] for good; negative where it never meets it again."""
     far = math.inf
     for axis, start, step in ((0, x, dx), (1, y, dy), (2, z, dz)):
