@@ -86,8 +86,8 @@ def intersect_address() -> int:
 class Scene:
     """A dynamic scene of triangle meshes, each under an id of the caller's; only changed ones are rebuilt.
 
-    Changes count after `commit`; flags of invalid triangles are shared and count at once. Rays may be cast by
-    any number of threads, but not during `commit`.
+    Changes count after `commit`, and no ray may be cast in between; flags of invalid triangles are shared and count
+    at once. Rays may be cast by any number of threads, but not during `commit`.
     """
 
     def __init__(self, threads: int | None = None) -> None:
@@ -99,6 +99,7 @@ class Scene:
         self._scene = rtc.rtcNewScene(self._device)
         self._release = weakref.finalize(self, _release, self._scene, self._device)
         self._buffers: dict[int, tuple[npt.NDArray[Any], ...]] = {}  # Embree reads them; it owns none
+        self._retired: list[tuple[npt.NDArray[Any], ...]] = []  # of meshes taken away since the last commit
         # Robust: without it rays leak through shared edges. Low: a hierarchy per geometry, under a common top.
         self._call("SetSceneFlags", self._scene, _DYNAMIC | _ROBUST | _ARGUMENT_FILTER)
         self._call("SetSceneBuildQuality", self._scene, _LOW)
@@ -147,11 +148,12 @@ class Scene:
         """Takes away the mesh under an id, if there is one."""
         if geometry_id in self._buffers:
             self._call("DetachGeometry", self._scene, geometry_id)
-            del self._buffers[geometry_id]
+            self._retired.append(self._buffers.pop(geometry_id))
 
     def commit(self) -> None:
         """Builds what has changed."""
         self._call("CommitScene", self._scene)
+        self._retired.clear()
 
     def bounds(self) -> npt.NDArray[np.float64]:  # [2, 3]
         """Lower and upper corner of everything in the committed scene; lower > upper where it is empty."""

@@ -173,10 +173,10 @@ def test_groups_take_turns(n_update):
     assert groups == expected[n_update]
 
 
-@pytest.mark.parametrize("tolerance_px", [0.0, 0.25])
-def test_someone_who_left_leaves_no_ghost_after_one_round(tolerance_px):
+@pytest.mark.parametrize(("tolerance_px", "n_update"), [(0.0, 1), (0.25, 1), (0.25, 3)])
+def test_someone_who_left_leaves_no_ghost_after_one_round(tolerance_px, n_update):
     cameras = camera_row()
-    settings = dataclasses.replace(SETTINGS, tolerance_px=tolerance_px)
+    settings = dataclasses.replace(SETTINGS, tolerance_px=tolerance_px, n_update=n_update)
     model, _first = model_of(cameras, frame(0, cameras, box_y=0.0), settings)
     assert len(near_points(model)) > 0
     reports = [model.update(frame(index, cameras)) for index in range(1, 4)]

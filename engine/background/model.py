@@ -165,8 +165,6 @@ class BackgroundModel:
                 report.updated += image.update(view)
         for c in group:
             self._take_turn(c, report)
-        with _timed(report, "commit"):
-            self._pbs.commit()
         with _timed(report, "culling"):
             # Where no geometry has changed since a camera's last rays, they would find the same again.
             self._cull([c for c in group if self._cast_version[c] != self._pbs.version], report)
@@ -198,6 +196,8 @@ class BackgroundModel:
         if accepted or changed or culled:
             with _timed(report, "triangulate"):
                 self._derive(c, before, numbers)
+            with _timed(report, "commit"):  # before the next camera's rays
+                self._pbs.commit()
 
     def _paint(self, image: MaximumDepthImage, before: Surface | None) -> npt.NDArray[np.int32]:  # [h, w]
         """Which valid triangle of a camera's part of the P-PBS covers each pixel, -1 where none does."""
