@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +35,13 @@ class TriangulationOptions:
     max_block: int = 32
     extend_edges: bool = False
 
+    def __post_init__(self) -> None:
+        for name in ("tolerance", "edge"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name}: {getattr(self, name)!r}: expected a disparity of at least 0")
+        if self.max_block < 1 or self.max_block & (self.max_block - 1):
+            raise ValueError(f"max_block: {self.max_block!r}: expected a power of two")
+
 
 def triangulate(
     camera: Camera,
@@ -49,11 +57,13 @@ def triangulate(
     With `rims` only what the surface leaves of the squares of pixels at depth edges is made.
 
     Where `keep` (uint8 [h, w]) is given, only triangles with at least one kept pixel are made (section 3.3.3)
-    and no merged triangle spans kept and other pixels. Points are relative to `origin`, metres.
+    and no merged triangle spans kept and other pixels. Points are relative to `origin`, metres. Raises ValueError
+    for arrays of another shape or type.
     """
-    h, w = codes.shape
-    if (h, w) != (camera.height, camera.width):
-        raise ValueError(f"codes: shape {codes.shape}: expected {(camera.height, camera.width)}")
+    h, w = camera.height, camera.width
+    _check("codes", codes, (h, w), np.uint16)
+    if keep is not None:
+        _check("keep", keep, (h, w), np.uint8)
     coding, wraps = camera.depth, isinstance(camera.projection, Equirectangular) and camera.projection.wraps
     flags = np.empty((h, w), np.uint8)
     mask = np.zeros((1, 1), np.uint8) if keep is None else keep
@@ -85,3 +95,8 @@ def triangulate(
         codes, camera.packed(origin), coding.offset, coding.step, coding.min_code, vertices, points, uv
     )
     return Mesh(points, uv, triangles)
+
+
+def _check(name: str, array: npt.NDArray[Any], shape: tuple[int, int], dtype: type) -> None:
+    if array.shape != shape or array.dtype != dtype:
+        raise ValueError(f"{name}: {array.dtype} {array.shape}: expected {dtype.__name__} {shape}")
