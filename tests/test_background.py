@@ -325,3 +325,18 @@ def test_a_sphere_camera_sees_the_seam_closed():
     model, _report = model_of([camera], Frame(0, (view,)))
     behind = Camera("behind", Perspective.from_fov(80, 60, 1.0), Pose.from_euler((0, 0, 0), np.pi, 0, 0), CODING)
     assert not np.isnan(pbi_of(model, behind)[0]).any()
+
+
+def test_a_lone_wrong_depth_is_not_background_and_a_region_is():
+    cameras = camera_row(1)
+    model, _first = model_of(cameras, frame(0, cameras, box_y=0.0))
+    view = see(cameras[0], box_y=0.0)
+    codes = view.codes.copy()
+    far = CODING.codes(np.array(10.0))
+    codes[5, 5] = codes[50, 60] = far
+    report = model.update(Frame(1, (dataclasses.replace(view, codes=codes),)))
+    assert (report.candidates, report.accepted, report.p_pbs) == (2, 0, 0)
+    codes[50:52, 60:62] = far
+    report = model.update(Frame(2, (dataclasses.replace(view, codes=codes),)))
+    assert (report.candidates, report.accepted) == (5, 4)
+    assert report.p_pbs > 0

@@ -220,7 +220,7 @@ class BackgroundModel:
             self._pbs.intersect, self._pbs.scene, self._packed[c], self._pbs.bounds, coding_row(image.camera),
             image.codes, image.updated, image.kept, self.delta, counts,
         )  # fmt: skip
-        image.pending = 0
+        image.pending = 0  # what was left as a lone pixel waits until there is more beside it
         candidates, accepted, changed = (int(n) for n in counts.sum(axis=0))
         return candidates, accepted, changed
 

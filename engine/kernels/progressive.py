@@ -20,6 +20,21 @@ F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 
+# A candidate needs this many of its eight neighbours to be in the P-PBS, or accepted, as well: what someone uncovers
+# is a region, a wrong depth mostly a lone pixel. A corner of two by two pixels has three.
+_NEIGHBOURS = 3
+_ACCEPTED, _CONFIRMED = 2, 3  # in `kept`, while candidates are looked at
+
+
+@numba.njit(inline="always", cache=True)
+def _neighbours(kept: U8, y: int, x: int) -> int:
+    """How many of the eight pixels around one are kept."""
+    count = 0
+    for row in range(max(y - 1, 0), min(y + 2, kept.shape[0])):
+        for column in range(max(x - 1, 0), min(x + 2, kept.shape[1])):
+            count += kept[row, column] != 0
+    return count - 1
+
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def accept_candidates(
@@ -28,12 +43,12 @@ def accept_candidates(
 ) -> None:  # fmt: skip
     """The filter of Fig. 6b: an updated pixel is kept if its point is more than delta behind the farthest hit.
 
-    Clears `updated` [h, w]. counts [h, 3]: candidates, accepted ones, and pixels that were kept before and
-    have changed. coding as in `coverage.keep_farther`.
+    Clears `updated` [h, w], but for lone pixels: these are candidates again next time. counts [h, 3]: candidates,
+    accepted ones, and pixels that were kept before and have changed. coding as in `coverage.keep_farther`.
     """
     h, w = codes.shape
     for y in numba.prange(h):
-        candidates, accepted, changed = 0, 0, 0
+        candidates, changed = 0, 0
         for x in range(w):
             if updated[y, x] == 0:
                 continue
@@ -47,9 +62,20 @@ def accept_candidates(
             distance, _u, _v, _geometry, _primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
             depth = 1.0 / (coding[0] + coding[1] * max(float(codes[y, x]), coding[3]))
             if distance < 0.0 or depth * length > distance + delta:
+                kept[y, x] = _ACCEPTED
+        counts[y, 0], counts[y, 1], counts[y, 2] = candidates, 0, changed
+    for y in numba.prange(h):
+        for x in range(w):
+            if kept[y, x] == _ACCEPTED and _neighbours(kept, y, x) >= _NEIGHBOURS:
+                kept[y, x] = _CONFIRMED  # still not zero, which is all that its neighbours ask
+    for y in numba.prange(h):
+        for x in range(w):
+            if kept[y, x] == _CONFIRMED:
                 kept[y, x] = 1
-                accepted += 1
-        counts[y, 0], counts[y, 1], counts[y, 2] = candidates, accepted, changed
+                counts[y, 1] += 1
+            elif kept[y, x] == _ACCEPTED:
+                kept[y, x] = 0
+                updated[y, x] = 1
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
