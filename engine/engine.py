@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -188,11 +187,14 @@ class Engine:
                     report.holes_backdrop = hole_fraction(canvas.disparity)
                     views.append(backdrop)
             with _timed(report.stages, "shade"):
+                fills = self.settings.fill and report.holes_backdrop < 1
+                if not fills:
+                    canvas.grey()
                 if views:
                     canvas.shade(target, ViewTable(views), len(chosen), self.settings.blend)
             with _timed(report.stages, "fill"):
                 report.holes_filled = report.holes_backdrop
-                if self.settings.fill and 0 < report.holes_backdrop < 1:
+                if fills and 0 < report.holes_backdrop < 1:
                     fill(canvas.disparity, canvas.planes)
                     report.holes_filled = 0.0
                 texture = canvas.texture()
@@ -205,11 +207,11 @@ class Engine:
         warped = 0
         for number, prepared in enumerate(views):
             margin = 2 * prepared.options.tolerance + prepared.view.camera.depth.step
-            warped += canvas.draw(prepared.mesh(), target, number, near, margin)
+            tiles = canvas.hole_tiles() if number and not self.settings.overdraw else None
+            warped += canvas.draw(prepared.mesh(), target, number, near, margin, tiles)
         if self.settings.rims:
             # Half a pixel round everything is known less well: it goes only where no view has a surface.
-            for number, prepared in enumerate(views):
-                warped += canvas.draw(prepared.mesh(rims=True), target, number, near, math.inf)
+            warped += canvas.draw_rims(views, target, near)
         return warped
 
     def _push(self) -> float:

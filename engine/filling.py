@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,7 +11,7 @@ from .kernels import fill as kernels
 
 __all__ = ["fill", "hole_fraction"]
 
-_REACH_PX = 8.0  # how far structure is carried into a hole before it fades into something smooth
+_FADE_PX = 8.0  # how far structure is carried into a hole before it fades into something smooth
 
 Plane = npt.NDArray[np.float32]
 
@@ -32,15 +34,14 @@ def fill(disparity: Plane, planes: tuple[Plane, Plane, Plane]) -> None:
         kernels.next_level(fine, coarse)
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
         kernels.refine_level(coarse, fine)
-    above, below = np.empty(disparity.shape, np.int32), np.empty(disparity.shape, np.int32)
-    kernels.nearest_in_columns(disparity, above, below)
-    kernels.fill_holes(disparity, above, below, levels[0], _REACH_PX, *planes)
+    kernels.fill_holes(disparity, levels[0], _FADE_PX, *planes)
 
 
 def _levels(height: int, width: int) -> list[Plane]:
-    """Empty levels [ceil(h / 2^k), ceil(w / 2^k), 5], down to a single cell."""
-    levels = []
-    while not levels or height * width > 1:
+    """Empty levels [rows, columns, 5], each half the size of the one before, down to a single cell."""
+    height, width = math.ceil(height / kernels.CELL), math.ceil(width / kernels.CELL)
+    levels = [np.empty((height, width, 5), np.float32)]
+    while height * width > 1:
         height, width = (height + 1) // 2, (width + 1) // 2
         levels.append(np.empty((height, width, 5), np.float32))
     return levels

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
+from .kernels.project import PERSPECTIVE
 
 __all__ = ["select_views"]
 
 _GRID = 8  # sample rays across and down the virtual picture
 _ANGLE = 0.1  # radians between two cameras' rays to a point at which a view has lost half its worth
+
+FloatArray = npt.NDArray[np.float64]
 
 
 def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: Sequence[float]) -> list[int]:
@@ -22,7 +26,7 @@ def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: 
     point that it sees from a direction near the target's; cameras are taken greedily so that every point is seen
     well, and then by a second camera: what one view hides another shows. Cameras that see no sample are left out.
     """
-    worth = np.stack([_worth(target, camera, depths) for camera in cameras])  # [cameras, samples]
+    worth = _worth(target, cameras, depths)
     chosen: list[int] = []
     best, second = np.zeros(worth.shape[1]), np.zeros(worth.shape[1])
     while len(chosen) < min(count, len(cameras)):
@@ -38,17 +42,33 @@ def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: 
     return chosen
 
 
-def _worth(target: Camera, camera: Camera, depths: Sequence[float]) -> npt.NDArray[np.float64]:
-    """Worth [samples] of a camera to points on the target's rays: 0 outside its picture."""
+def _worth(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> FloatArray:
+    """Worth [cameras, samples] of cameras to points on the target's rays: 0 outside a camera's picture."""
     steps = (np.arange(_GRID) + 0.5) / _GRID
     u, v = np.meshgrid(steps * target.width, steps * target.height)
     uv = np.stack([u.ravel(), v.ravel()], axis=-1)
     points = np.concatenate([target.unproject(uv, np.full(len(uv), depth)) for depth in depths])
-    seen, depth = camera.project(points)
-    with np.errstate(invalid="ignore"):
-        inside = (depth > 0) & (seen >= 0).all(-1) & (seen[:, 0] <= camera.width) & (seen[:, 1] <= camera.height)
-    a, b = points - target.pose.position, points - camera.pose.position
-    lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
-    angle = np.arccos(np.clip((a * b).sum(-1) / np.maximum(lengths, 1e-300), -1.0, 1.0))
-    worth: npt.NDArray[np.float64] = inside / (1.0 + (angle / _ANGLE) ** 2)
+    positions = np.array([camera.pose.position for camera in cameras])
+    to_points = points - positions[:, None]  # [cameras, samples, 3]
+    inside = _inside(cameras, to_points, target.pose.position)
+    from_target = points - np.asarray(target.pose.position)
+    lengths = np.linalg.norm(from_target, axis=-1) * np.linalg.norm(to_points, axis=-1)
+    cosine = np.einsum("csk,sk->cs", to_points, from_target) / np.maximum(lengths, 1e-300)
+    worth: FloatArray = inside / (1.0 + (np.arccos(np.clip(cosine, -1.0, 1.0)) / _ANGLE) ** 2)
     return worth
+
+
+def _inside(cameras: Sequence[Camera], to_points: FloatArray, origin: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Whether points, given relative to each camera [cameras, samples, 3], fall into its picture."""
+    packed = np.stack([camera.packed(origin) for camera in cameras])[:, None]  # [cameras, 1, CAMERA_SIZE]
+    local = np.einsum("csk,ckl->csl", to_points, packed[:, 0, 7:16].reshape(-1, 3, 3))
+    x, y, z = np.moveaxis(local, -1, 0)
+    width, height, p3, p4, p5, p6 = np.moveaxis(packed[:, :, 1:7], -1, 0)
+    flat = packed[:, :, 0] == PERSPECTIVE
+    with np.errstate(divide="ignore", invalid="ignore"):
+        middle = 0.5 * width * p4
+        azimuth = (p3 - np.arctan2(y, x) - middle + math.pi) % (2 * math.pi) - math.pi + middle
+        u = np.where(flat, p5 - p3 * y / x, azimuth / p4)
+        v = np.where(flat, p6 - p4 * z / x, (p5 - np.arctan2(z, np.hypot(x, y))) / p6)
+        inside: npt.NDArray[np.bool_] = (u >= 0) & (v >= 0) & (u <= width) & (v <= height) & (~flat | (x > 0))
+    return inside

@@ -23,6 +23,7 @@ class Settings:
     fill: bool = True  # fill what is left
     tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles a pixel
     edge_px: float = 4.0  # disparity step between neighbours that is a depth edge, reprojected pixels
+    overdraw: bool = True  # draw every view everywhere, not only where the views before it left holes
     rims: bool = True  # pixels at depth edges keep their full square where no view has a surface
     baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
     max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two
@@ -48,8 +49,8 @@ class Settings:
     def preset(cls, quality: str = "balanced", **changes: object) -> Settings:
         """The settings of a quality (fast, balanced, best), with changes on top."""
         presets = {
-            "fast": cls(tolerance_px=0.5, rims=False, blend=1, culling_stride=8, pbi_scale=0.5, jpeg_quality=80),
-            "balanced": cls(),
+            "fast": cls(tolerance_px=0.5, overdraw=False, rims=False, blend=1, culling_stride=8, pbi_scale=0.5, jpeg_quality=80),
+            "balanced": cls(pbi_scale=0.5),
             "best": cls(tolerance_px=0.1, blend=5, culling_stride=2),
         }
         if quality not in presets:

@@ -22,6 +22,7 @@ __all__ = ["Canvas", "PreparedView", "Target", "ViewTable", "pixels_per_radian"]
 
 _BANDS = 16
 _CHUNKS = 4
+_EVERYWHERE = np.empty((0, 0), np.uint8)  # no tiles: triangles go anywhere
 _GREY = 512.0  # what is left where nothing was seen and nothing filled
 
 
@@ -62,6 +63,8 @@ class PreparedView:
         row[shade.EDGE] = max(self.options.edge / coding.step, 1.0)
         row[shade.TOLERANCE] = 0.5 * row[shade.EDGE] + 1.0
         row[shade.SHARPNESS] = pixels_per_radian(camera)
+        if isinstance(camera.projection, Equirectangular):
+            row[shade.COLUMNS], row[shade.ROWS] = 1.0 / row[4], 1.0 / row[6]
         return row
 
     @cached_property
@@ -95,6 +98,7 @@ class Canvas:
         self.winner = np.zeros(shape, np.uint8)
         self._backdrop = np.zeros(shape, np.float32)
         self._nobody = np.zeros(shape, np.uint8)
+        self._tiles = np.zeros((math.ceil(height / rasterise.TILE), math.ceil(width / rasterise.TILE)), np.uint8)
         self.planes = (np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32))
         self._band_rows = max(1, math.ceil(height / _BANDS))
         self._counts = np.empty((_CHUNKS, math.ceil(height / self._band_rows)), np.int64)
@@ -102,18 +106,41 @@ class Canvas:
         self._screen = np.empty((0, 4), np.float32)
 
     def clear(self) -> None:
-        """Forget the last picture."""
+        """Forget the last picture's surfaces."""
         self.disparity.fill(0.0)
+
+    def grey(self) -> None:
+        """Paint everything grey: what will be seen where nothing is drawn or filled."""
         for plane in self.planes:
             plane.fill(_GREY)
 
-    def draw(self, mesh: Mesh, target: Target, number: int, near: float, margin: float) -> int:
+    def hole_tiles(self) -> npt.NDArray[np.uint8]:
+        """Tiles of the picture with pixels that nothing was drawn to; valid until the next call."""
+        rasterise.mark_hole_tiles(self.disparity, self._tiles)
+        return self._tiles
+
+    def draw(
+        self, mesh: Mesh, target: Target, number: int, near: float, margin: float,
+        tiles: npt.NDArray[np.uint8] | None = None,
+    ) -> int:  # fmt: skip
         """Draw a view's mesh as view `number`; it wins a pixel where it is nearer by `margin` (disparity).
 
-        Returns the number of triangles.
+        With `tiles` only triangles that touch a marked one are drawn. Returns the number of triangles drawn.
         """
-        self._rasterise(mesh, target, number, near, margin, 0.0, self.disparity, self.winner)
-        return len(mesh.triangles)
+        if tiles is not None and not tiles.any():
+            return 0
+        tiles = _EVERYWHERE if tiles is None else tiles
+        return self._rasterise(mesh, target, number, near, margin, 0.0, self.disparity, self.winner, tiles)
+
+    def draw_rims(self, views: Sequence[PreparedView], target: Target, near: float) -> int:
+        """Draw the views' rims into what is still empty; returns the number of triangles drawn."""
+        tiles = self.hole_tiles()
+        if not tiles.any():
+            return 0
+        return sum(
+            self.draw(view.mesh(rims=True), target, number, near, math.inf, tiles)
+            for number, view in enumerate(views)
+        )
 
     def draw_backdrop(
         self, backdrop: PreparedView, present: ViewTable, target: Target, number: int, near: float, push: float
@@ -123,16 +150,18 @@ class Canvas:
         What one of the present views looks through is a ghost of the past and left out. Returns triangles.
         """
         self._backdrop.fill(0.0)
-        self._rasterise(backdrop.mesh(), target, number, near, 0.0, push, self._backdrop, self._nobody)
+        drawn = self._rasterise(
+            backdrop.mesh(), target, number, near, 0.0, push, self._backdrop, self._nobody, _EVERYWHERE
+        )
         composite.lay_backdrop(
             self._backdrop, target.packed, present.rows, present.addresses, push, number, self.disparity, self.winner
         )
-        return len(backdrop.mesh().triangles)
+        return drawn
 
     def _rasterise(
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float, push: float,
-        disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8],
-    ) -> None:  # fmt: skip
+        disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8], tiles: npt.NDArray[np.uint8],
+    ) -> int:  # fmt: skip
         if len(mesh.points) > len(self._screen):
             self._screen = np.empty((len(mesh.points) + len(mesh.points) // 4, 4), np.float32)
         chunk = math.ceil(len(mesh.triangles) / _CHUNKS)
@@ -143,11 +172,14 @@ class Canvas:
         screen = self._screen[: len(mesh.points)]
         camera = target.packed
         rasterise.transform_points(mesh.points, camera, screen)
-        rasterise.sort_into_bands(screen, mesh.triangles, camera, near, self._band_rows, self._counts, lists)
+        rasterise.sort_into_bands(
+            screen, mesh.triangles, camera, near, self._band_rows, tiles, self._counts, lists
+        )
         rasterise.draw_bands(
             screen, mesh.triangles, camera, target.columns, target.rows, near, self._band_rows,
             self._counts, lists, number, margin, push, disparity, winner,
         )  # fmt: skip
+        return int(self._counts.sum())
 
     def shade(self, target: Target, views: ViewTable, n_views: int, blend: int) -> None:
         """Colour what was drawn; views after the first n_views are backdrops."""

@@ -7,15 +7,19 @@ their neighbours' colours, wide ones something smooth, in time proportional to t
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["count_holes", "fill_holes", "first_level", "nearest_in_columns", "next_level", "pack_420", "refine_level"]
+__all__ = ["CELL", "count_holes", "fill_holes", "first_level", "next_level", "pack_420", "refine_level"]
 
 F32 = npt.NDArray[np.float32]
-I32 = npt.NDArray[np.int32]
 U16 = npt.NDArray[np.uint16]
+
+CELL = 4  # pixels a side of the pyramid's finest cells
+REACH = 32  # pixels within which a hole's rim is looked for
 
 
 @numba.njit(cache=True, parallel=True, nogil=True)
@@ -30,24 +34,38 @@ def count_holes(disparity: F32, rows: npt.NDArray[np.int64]) -> None:
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def first_level(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, level: F32) -> None:
-    """level [ceil(h / 2), ceil(w / 2), 5] from the picture: weight, disparity and colour of each 2x2 cell."""
+    """level [ceil(h / CELL), ceil(w / CELL), 5] from the picture: weight, disparity and colour of each cell.
+
+    Of a cell's pixels one in each row and column is looked at: the level only serves smooth colours.
+    """
     h, w = disparity.shape
     for j in numba.prange(level.shape[0]):
         for i in range(level.shape[1]):
             farthest = np.float32(np.inf)
-            for y in range(2 * j, min(2 * j + 2, h)):
-                for x in range(2 * i, min(2 * i + 2, w)):
-                    if disparity[y, x] > 0.0:
-                        farthest = min(farthest, disparity[y, x])
+            for k in range(CELL):
+                y, x = min(CELL * j + k, h - 1), min(CELL * i + (2 * k + 1) % (CELL + 1), w - 1)
+                if disparity[y, x] > 0.0:
+                    farthest = min(farthest, disparity[y, x])
+            stride = 1
+            if farthest == np.inf:  # in a hole: look at all of the cell's pixels
+                stride = CELL
+                for y in range(CELL * j, min(CELL * (j + 1), h)):
+                    for x in range(CELL * i, min(CELL * (i + 1), w)):
+                        if disparity[y, x] > 0.0:
+                            farthest = min(farthest, disparity[y, x])
             total, sum_y, sum_b, sum_r = 0.0, 0.0, 0.0, 0.0
-            for y in range(2 * j, min(2 * j + 2, h)):
-                for x in range(2 * i, min(2 * i + 2, w)):
-                    if disparity[y, x] > 0.0:
-                        share = _worth(disparity[y, x], farthest)
-                        total += share
-                        sum_y += share * luma[y, x]
-                        sum_b += share * chroma_b[y, x]
-                        sum_r += share * chroma_r[y, x]
+            for n in range(CELL * stride):
+                if farthest == np.inf:
+                    break
+                k = n % CELL
+                column = (2 * k + 1) % (CELL + 1) if stride == 1 else n // CELL
+                y, x = min(CELL * j + k, h - 1), min(CELL * i + column, w - 1)
+                if disparity[y, x] > 0.0:
+                    share = _worth(disparity[y, x], farthest)
+                    total += share
+                    sum_y += share * luma[y, x]
+                    sum_b += share * chroma_b[y, x]
+                    sum_r += share * chroma_r[y, x]
             _store(level, j, i, total, farthest, sum_y, sum_b, sum_r)
 
 
@@ -93,21 +111,23 @@ def _store(
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _sample(coarse: F32, y: int, x: int) -> tuple[float, float, float]:
-    """Colour between the four nearest cells of a coarser level, farther surfaces first."""
-    j, i = y // 2, x // 2
-    nj = min(max(j + (1 if y % 2 else -1), 0), coarse.shape[0] - 1)
-    ni = min(max(i + (1 if x % 2 else -1), 0), coarse.shape[1] - 1)
+def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float]:
+    """Colour between the four nearest cells of a level (their centres at whole numbers), farther surfaces first."""
+    j = min(max(int(math.floor(row)), 0), max(coarse.shape[0] - 2, 0))
+    i = min(max(int(math.floor(column)), 0), max(coarse.shape[1] - 2, 0))
+    nj, ni = min(j + 1, coarse.shape[0] - 1), min(i + 1, coarse.shape[1] - 1)
+    fj, fi = min(max(row - j, 0.0), 1.0), min(max(column - i, 0.0), 1.0)
     farthest = min(min(coarse[j, i, 1], coarse[j, ni, 1]), min(coarse[nj, i, 1], coarse[nj, ni, 1]))
     total, sum_y, sum_b, sum_r = 0.0, 0.0, 0.0, 0.0
     for k in range(4):
         a, b = (nj if k & 1 else j), (ni if k & 2 else i)
-        if coarse[a, b, 0] > 0.0:
-            share = (0.25 if k & 1 else 0.75) * (0.25 if k & 2 else 0.75) * _worth(coarse[a, b, 1], farthest)
-            total += share
-            sum_y += share * coarse[a, b, 2]
-            sum_b += share * coarse[a, b, 3]
-            sum_r += share * coarse[a, b, 4]
+        # A little of every cell, so that one of any disparity stands alone where its weight is all there is.
+        share = (fj if k & 1 else 1.0 - fj) * (fi if k & 2 else 1.0 - fi) + 1e-6
+        share *= max(_worth(coarse[a, b, 1], farthest), 1e-6)
+        total += share
+        sum_y += share * coarse[a, b, 2]
+        sum_b += share * coarse[a, b, 3]
+        sum_r += share * coarse[a, b, 4]
     return sum_y / total, sum_b / total, sum_r / total
 
 
@@ -118,7 +138,7 @@ def refine_level(coarse: F32, fine: F32) -> None:
         for i in range(fine.shape[1]):
             weight = fine[j, i, 0]
             if weight < 1.0:
-                cy, cb, cr = _sample(coarse, j, i)
+                cy, cb, cr = _sample(coarse, 0.5 * np.int64(j) - 0.25, 0.5 * i - 0.25)
                 fine[j, i, 2] = weight * fine[j, i, 2] + (1.0 - weight) * cy
                 fine[j, i, 3] = weight * fine[j, i, 3] + (1.0 - weight) * cb
                 fine[j, i, 4] = weight * fine[j, i, 4] + (1.0 - weight) * cr
@@ -126,74 +146,66 @@ def refine_level(coarse: F32, fine: F32) -> None:
                     fine[j, i, 0], fine[j, i, 1] = 1.0, coarse[j // 2, i // 2, 1]
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
-def nearest_in_columns(disparity: F32, above: I32, below: I32) -> None:
-    """above, below [h, w]: the row of the next drawn pixel up and down each column, -1 where there is none."""
-    h, w = disparity.shape
-    strips = 16
-    for strip in numba.prange(strips):
-        x0, x1 = strip * w // strips, (strip + 1) * w // strips
-        for y in range(h):
-            for x in range(x0, x1):
-                above[y, x] = y if disparity[y, x] > 0.0 else (above[y - 1, x] if y > 0 else -1)
-        for y in range(h - 1, -1, -1):
-            for x in range(x0, x1):
-                below[y, x] = y if disparity[y, x] > 0.0 else (below[y + 1, x] if y + 1 < h else -1)
+@numba.njit(inline="always", cache=True)
+def _direction(k: int) -> tuple[int, int]:
+    """Step (row, column) to the left, right, up or down."""
+    if k < 2:
+        return 0, (-1 if k == 0 else 1)
+    return (-1 if k == 2 else 1), 0
 
 
 @numba.njit(inline="always", cache=True)
-def _neighbour(k: int, x: int, y: int, left: int, right: int, up: int, down: int) -> tuple[int, int]:
-    """Row and column of the k-th neighbour: left, right, up, down."""
-    if k < 2:
-        return y, (left if k == 0 else right)
-    return (up if k == 2 else down), x
+def _drawn_along(disparity: F32, y: int, x: int, dy: int, dx: int) -> int:
+    """Steps from a hole pixel to the next drawn one in a direction, 0 where there is none within REACH."""
+    h, w = disparity.shape
+    for step in range(1, REACH + 1):
+        y += dy
+        x += dx
+        if y < 0 or x < 0 or y >= h or x >= w:
+            return 0
+        if disparity[y, x] > 0.0:
+            return step
+    return 0
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def fill_holes(
-    disparity: F32, above: I32, below: I32, level: F32, reach: float, luma: F32, chroma_b: F32, chroma_r: F32
+    disparity: F32, level: F32, fade: float, luma: F32, chroma_b: F32, chroma_r: F32
 ) -> None:
     """Colour every hole pixel: near its rim from the next drawn pixels left, right, up and down (structure goes
-    on), farther in from the first level, which is complete; half each at `reach` pixels."""
+    on), farther in from the first level, which is complete; half each at `fade` pixels."""
     h, w = disparity.shape
     for row in numba.prange(h):
         y = np.int64(row)
-        left, right = np.int64(-1), np.int64(-1)
         for x in range(w):
             if disparity[y, x] > 0.0:
-                left = x
                 continue
-            if right <= x:
-                right = x + 1
-                while right < w and disparity[y, right] <= 0.0:
-                    right += 1
-            up, down = np.int64(above[y, x]), np.int64(below[y, x])
-            farthest, nearest = np.inf, 1 << 30
+            farthest, nearest = np.inf, REACH + 1
             for k in range(4):
-                ny, nx = _neighbour(k, x, y, left, right, up, down)
-                if 0 <= nx < w and ny >= 0:
-                    farthest = min(farthest, disparity[ny, nx])
-                    nearest = min(nearest, abs(ny - y) + abs(nx - x))
-            sum_y, sum_b, sum_r = _sample(level, y, x)
-            total = (nearest / reach) ** 2
-            sum_y, sum_b, sum_r = sum_y * total, sum_b * total, sum_r * total
+                dy, dx = _direction(k)
+                step = _drawn_along(disparity, y, x, dy, dx)
+                if step > 0:
+                    farthest = min(farthest, disparity[y + step * dy, x + step * dx])
+                    nearest = min(nearest, step)
+            sum_y, sum_b, sum_r = _sample(level, (y + 0.5) / CELL - 0.5, (x + 0.5) / CELL - 0.5)
             if farthest < np.inf:
-                share = 0.0
-                streak_y, streak_b, streak_r = 0.0, 0.0, 0.0
+                share, rim_y, rim_b, rim_r = 0.0, 0.0, 0.0, 0.0
                 for k in range(4):
-                    ny, nx = _neighbour(k, x, y, left, right, up, down)
-                    if 0 <= nx < w and ny >= 0:
-                        distance = abs(ny - y) + abs(nx - x)
-                        weight = _worth(disparity[ny, nx], farthest) / (distance * distance)
+                    dy, dx = _direction(k)
+                    step = _drawn_along(disparity, y, x, dy, dx)
+                    if step > 0:
+                        ny, nx = y + step * dy, x + step * dx
+                        weight = _worth(disparity[ny, nx], farthest) / (step * step)
                         share += weight
-                        streak_y += weight * luma[ny, nx]
-                        streak_b += weight * chroma_b[ny, nx]
-                        streak_r += weight * chroma_r[ny, nx]
-                sum_y += streak_y / share
-                sum_b += streak_b / share
-                sum_r += streak_r / share
-                total += 1.0
-            luma[y, x], chroma_b[y, x], chroma_r[y, x] = sum_y / total, sum_b / total, sum_r / total
+                        rim_y += weight * luma[ny, nx]
+                        rim_b += weight * chroma_b[ny, nx]
+                        rim_r += weight * chroma_r[ny, nx]
+                smooth = (nearest / fade) ** 2
+                rim, smooth = 1.0 / ((1.0 + smooth) * share), smooth / (1.0 + smooth)
+                sum_y = smooth * sum_y + rim * rim_y
+                sum_b = smooth * sum_b + rim * rim_b
+                sum_r = smooth * sum_r + rim * rim_r
+            luma[y, x], chroma_b[y, x], chroma_r[y, x] = sum_y, sum_b, sum_r
 
 
 @numba.njit(cache=True, parallel=True, nogil=True)
@@ -203,13 +215,16 @@ def pack_420(
     """Round to 10-bit codes, the chroma averaged over 2x2 pixels."""
     h, w = luma.shape
     for j in numba.prange((h + 1) // 2):
-        for i in range((w + 1) // 2):
-            n, b, r = 0, 0.0, 0.0
-            for y in range(2 * j, min(2 * j + 2, h)):
-                for x in range(2 * i, min(2 * i + 2, w)):
-                    y_out[y, x] = np.uint16(luma[y, x] + 0.5)
-                    b += chroma_b[y, x]
-                    r += chroma_r[y, x]
-                    n += 1
-            cb_out[j, i] = np.uint16(b / n + 0.5)
-            cr_out[j, i] = np.uint16(r / n + 0.5)
+        y0, y1 = 2 * np.int64(j), min(2 * np.int64(j) + 1, h - 1)
+        for y in range(y0, y1 + 1):
+            row, out = luma[y], y_out[y]
+            for x in range(w):
+                out[x] = np.uint16(np.int32(row[x] + np.float32(0.5)))
+        b0, b1, r0, r1 = chroma_b[y0], chroma_b[y1], chroma_r[y0], chroma_r[y1]
+        for i in range(w // 2):
+            x = 2 * i
+            cb_out[j, i] = np.int32(np.float32(0.25) * (b0[x] + b0[x + 1] + b1[x] + b1[x + 1]) + np.float32(0.5))
+            cr_out[j, i] = np.int32(np.float32(0.25) * (r0[x] + r0[x + 1] + r1[x] + r1[x + 1]) + np.float32(0.5))
+        if w % 2:
+            cb_out[j, w // 2] = np.int32(np.float32(0.5) * (b0[w - 1] + b1[w - 1]) + np.float32(0.5))
+            cr_out[j, w // 2] = np.int32(np.float32(0.5) * (r0[w - 1] + r1[w - 1]) + np.float32(0.5))

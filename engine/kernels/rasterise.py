@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from .project import PERSPECTIVE
 
-__all__ = ["draw_bands", "sort_into_bands", "transform_points"]
+__all__ = ["TILE", "draw_bands", "mark_hole_tiles", "sort_into_bands", "transform_points"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -28,6 +28,7 @@ U8 = npt.NDArray[np.uint8]
 
 # Pixels by which a triangle's sides are moved outwards: rounding opens no cracks between neighbours.
 _SIDE_PX = 1e-3
+TILE = 8  # pixels
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -99,14 +100,40 @@ def _rows_spherical(screen: F32, a: int, b: int, c: int, camera: F64) -> tuple[i
     return max(0, int(first)), min(height - 1, int(last))
 
 
+@numba.njit(cache=True, parallel=True, nogil=True)
+def mark_hole_tiles(disparity: F32, tiles: U8) -> None:
+    """tiles [ceil(h / TILE), ceil(w / TILE)]: 1 where a tile has a pixel that nothing was drawn to."""
+    h, w = disparity.shape
+    for j in numba.prange(tiles.shape[0]):
+        for i in range(tiles.shape[1]):
+            tiles[j, i] = 0
+        for y in range(TILE * j, min(TILE * (j + 1), h)):
+            for x in range(w):
+                if disparity[y, x] <= 0.0:
+                    tiles[j, x // TILE] = 1
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _touches_hole(screen: F32, a: int, b: int, c: int, tiles: U8, first: int, last: int) -> bool:
+    """Whether the box round a triangle touches a marked tile."""
+    low = min(screen[a, 0], min(screen[b, 0], screen[c, 0])) - 1.0
+    high = max(screen[a, 0], max(screen[b, 0], screen[c, 0])) + 1.0
+    i0, i1 = max(0, int(low)) // TILE, min(tiles.shape[1] - 1, max(0, int(high)) // TILE)
+    for j in range(first // TILE, last // TILE + 1):
+        for i in range(i0, i1 + 1):
+            if tiles[j, i]:
+                return True
+    return False
+
+
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def sort_into_bands(
-    screen: F32, triangles: I32, camera: F64, near: float, band_rows: int, counts: I64, lists: I32
+    screen: F32, triangles: I32, camera: F64, near: float, band_rows: int, tiles: U8, counts: I64, lists: I32
 ) -> None:
-    """Sort triangles into bands; counts [chunks, bands + 1], lists [chunks, bands, capacity].
+    """Sort triangles into bands; counts [chunks, bands], lists [chunks, bands, capacity].
 
-    Culled are triangles outside the picture, behind the eye or seen from behind. A triangle over several bands
-    stands in each.
+    Culled are triangles outside the picture, behind the eye or seen from behind and, for a perspective target and
+    unless `tiles` is empty, those that touch no marked tile. A triangle over several bands stands in each.
     """
     chunks, bands = counts.shape[0], counts.shape[1]
     size = (triangles.shape[0] + chunks - 1) // chunks
@@ -123,9 +150,26 @@ def sort_into_bands(
                 first, last = _rows_spherical(screen, a, b, c, camera)
             if last < first:
                 continue
+            if tiles.size > 0 and perspective and min(screen[a, 3], min(screen[b, 3], screen[c, 3])) >= near:
+                if not _touches_hole(screen, a, b, c, tiles, first, last):
+                    continue
             for band in range(first // band_rows, last // band_rows + 1):
                 lists[chunk, band, counts[chunk, band]] = t
                 counts[chunk, band] += 1
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _side(pu: float, pv: float, ru: float, rv: float) -> tuple[float, float, float, float]:
+    """A triangle's side as a bound (a, s) on u = a + s v: of the left end of rows, then of the right end."""
+    dv = rv - pv
+    if dv == 0.0:
+        return -1e30, 0.0, 1e30, 0.0
+    slope = (ru - pu) / dv
+    slack = _SIDE_PX * (1.0 + abs(slope))
+    at = pu - slope * pv
+    if dv > 0.0:
+        return at - slack, slope, 1e30, 0.0
+    return -1e30, 0.0, at + slack, slope
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy", fastmath={"contract", "nnan"})
@@ -146,35 +190,26 @@ def _draw_projected(
     first = max(first, int(math.ceil(low - 0.5 - _SIDE_PX)))
     last = min(last, int(math.floor(high - 0.5 + _SIDE_PX)))
     u_low, u_high = min(ua, min(ub, uc)), max(ua, max(ub, uc))
-    # u on each side as a function of v; sides with rising v bound the row on the left (area < 0).
+    # u on each side is a + s * v; sides with rising v bound the rows on the left (area < 0), falling ones on the right.
+    la, ls, ra, rs = _side(ua, va, ub, vb)
+    lb, lt, rb, rt = _side(ub, vb, uc, vc)
+    lc, lu, rc, ru = _side(uc, vc, ua, va)
+    u_low, u_high = u_low - _SIDE_PX, u_high + _SIDE_PX
     for y in range(first, last + 1):
         v = y + 0.5
-        left, right = u_low - _SIDE_PX, u_high + _SIDE_PX
-        for side in range(3):
-            if side == 0:
-                pu, pv, ru, rv = ua, va, ub, vb
-            elif side == 1:
-                pu, pv, ru, rv = ub, vb, uc, vc
-            else:
-                pu, pv, ru, rv = uc, vc, ua, va
-            dv = rv - pv
-            if dv != 0.0:
-                slope = (ru - pu) / dv
-                at = pu + slope * (v - pv)
-                slack = _SIDE_PX * (1.0 + abs(slope))
-                if dv > 0.0:
-                    left = max(left, at - slack)
-                else:
-                    right = min(right, at + slack)
+        left = max(max(la + ls * v, lb + lt * v), max(lc + lu * v, u_low))
+        right = min(min(ra + rs * v, rb + rt * v), min(rc + ru * v, u_high))
         x0, x1 = max(0, int(math.ceil(left - 0.5))), min(width - 1, int(math.floor(right - 0.5)))
         q_row = qa + q_dv * (v - va) - q_du * (ua - 0.5)
+        row, winners = disparity[y], winner[y]
         for x in range(x0, x1 + 1):
             q = min(max(q_row + q_du * x, q_low), q_high)
             if push > 0.0:
                 q = q / (1.0 + push * q)
-            if q > disparity[y, x] + (margin if disparity[y, x] > 0.0 else 0.0):
-                disparity[y, x] = q
-                winner[y, x] = view
+            before = row[x]
+            if q > before + (margin if before > 0.0 else 0.0):
+                row[x] = q
+                winners[x] = view
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
