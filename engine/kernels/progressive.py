@@ -61,7 +61,9 @@ def accept_candidates(
             u, v = min(max(x + 0.5, 0.51), w - 0.51), min(max(y + 0.5, 0.51), h - 0.51)
             distance, _u, _v, _geometry, _primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
             depth = 1.0 / (coding[0] + coding[1] * max(float(codes[y, x]), coding[3]))
-            if distance < 0.0 or depth * length > distance + delta:
+            if distance < 0.0:
+                kept[y, x] = _CONFIRMED  # a hole in the PBS is filled, be it a pixel's
+            elif depth * length > distance + delta:
                 kept[y, x] = _ACCEPTED
         counts[y, 0], counts[y, 1], counts[y, 2] = candidates, 0, changed
     for y in numba.prange(h):
