@@ -43,13 +43,70 @@ VALID = 16
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _is_cut(a: int, b: int, before: int, after: int, edge: float) -> bool:
-    """Whether the step from a to b is a depth edge: large, and not explained by the slope on either side."""
-    step = abs(float(b) - float(a))
-    if step <= edge:
-        return False
-    slope = min(abs(float(a) - float(before)), abs(float(after) - float(b)))
-    return step > edge + 1.5 * slope
+def _cut(before: int, a: int, b: int, after: int, edge: float, has_invalid: bool) -> bool:
+    """Whether no surface joins pixels a and b of four in a row: one is invalid, or a depth edge lies between.
+
+    A depth edge is a step that is large and not explained by the slope on either side. Free of branches.
+    """
+    step = abs(b - a)
+    slope_a = 0 if has_invalid & (before == 0) else abs(a - before)
+    slope_b = 0 if has_invalid & (after == 0) else abs(after - b)
+    invalid = has_invalid & ((a == 0) | (b == 0))
+    slope = min(slope_a, slope_b)
+    return invalid | (np.float32(step) > edge + np.float32(1.5) * np.float32(slope))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mark_cuts_in_row(
+    above: U16, row: U16, below: U16, below2: U16, keep: U8, has_keep: bool, has_invalid: bool, edge: float,
+    last_row: bool, wraps: bool, flags: U8,
+) -> None:  # fmt: skip
+    """Cuts, validity and mask of a row; rows outside the picture are given as their nearest neighbours."""
+    w = row.shape[0]
+    for x in range(w):
+        a, b = np.int32(row[x]), np.int32(below[x])
+        down = _cut(np.int32(above[x]), a, b, np.int32(below2[x]), edge, has_invalid) & (not last_row)
+        valid = (a != 0) | (not has_invalid)
+        flags[x] = (CUT_DOWN if down else 0) | (VALID if valid else 0)
+    for x in range(1, w - 2):
+        right = _cut(
+            np.int32(row[x - 1]), np.int32(row[x]), np.int32(row[x + 1]), np.int32(row[x + 2]), edge, has_invalid
+        )
+        flags[x] |= CUT_RIGHT if right else 0
+    for k in range(3):  # the columns whose neighbours may be round the seam, or missing
+        x = 0 if k == 0 else w - k
+        if x < 0 or (k > 0 and x == 0) or (x == w - 1 and not wraps):
+            continue
+        before = x - 1 if x > 0 else (w - 1 if wraps else 0)
+        b = x + 1 if x + 1 < w else 0
+        after = b + 1 if b + 1 < w else (0 if wraps else b)
+        right = _cut(
+            np.int32(row[before]), np.int32(row[x]), np.int32(row[b]), np.int32(row[after]), edge, has_invalid
+        )
+        flags[x] |= CUT_RIGHT if right else 0
+    for x in range(w):
+        flags[x] |= KEPT if not has_keep or keep[x] != 0 else 0
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mark_broken_in_row(first_row: bool, above: U8, flags: U8, below: U8, broken: U8, wraps: bool) -> None:
+    """broken [w]: 1 where a cut or a change of the mask touches a pixel or it is invalid."""
+    w = flags.shape[0]
+    for x in range(w):
+        flag, up = flags[x], above[x]
+        up &= ~CUT_DOWN if first_row else 0xFF
+        cut = (flag & (CUT_RIGHT | CUT_DOWN)) | (up & CUT_DOWN)
+        mask = ((flag ^ up) | (flag ^ below[x])) & KEPT
+        broken[x] = (cut != 0) | (mask != 0) | ((flag & VALID) == 0)
+    for x in range(1, w):
+        left = flags[x - 1]
+        broken[x] |= ((left & CUT_RIGHT) != 0) | (((flags[x] ^ left) & KEPT) != 0)
+    for x in range(w - 1):
+        broken[x] |= ((flags[x] ^ flags[x + 1]) & KEPT) != 0
+    if wraps:
+        seam = ((flags[0] ^ flags[w - 1]) & KEPT) != 0
+        broken[0] |= seam | ((flags[w - 1] & CUT_RIGHT) != 0)
+        broken[w - 1] |= seam
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
@@ -58,53 +115,20 @@ def mark_broken(
 ) -> None:
     """Fill flags [h, w]: cuts to the right and downwards, validity, mask and pixels that must stay single."""
     h, w = codes.shape
-    for y in numba.prange(h):
+    threshold = np.float32(edge)
+    for row in numba.prange(h):
+        y = np.int64(row)
+        _mark_cuts_in_row(
+            codes[max(y - 1, 0)], codes[y], codes[min(y + 1, h - 1)], codes[min(y + 2, h - 1)],
+            keep[y if has_keep else 0], has_keep, has_invalid, threshold, y == h - 1, wraps, flags[y],
+        )  # fmt: skip
+    for row in numba.prange(h):
+        y = np.int64(row)
+        broken = np.empty(w, np.uint8)
+        _mark_broken_in_row(y == 0, flags[max(y - 1, 0)], flags[y], flags[min(y + 1, h - 1)], broken, wraps)
         for x in range(w):
-            flag = 0
-            c = codes[y, x]
-            valid = c > 0 or not has_invalid
-            if valid:
-                flag |= VALID
-            if not has_keep or keep[y, x] != 0:
-                flag |= KEPT
-            if x + 1 < w or wraps:
-                right = (x + 1) % w
-                r = codes[y, right]
-                if not valid or (r == 0 and has_invalid):
-                    flag |= CUT_RIGHT
-                else:
-                    before = codes[y, x - 1] if x > 0 else (codes[y, w - 1] if wraps else c)
-                    after = codes[y, (right + 1) % w] if (right + 1 < w or wraps) else r
-                    if has_invalid:
-                        before = before if before > 0 else c
-                        after = after if after > 0 else r
-                    if _is_cut(c, r, before, after, edge):
-                        flag |= CUT_RIGHT
-            if y + 1 < h:
-                d = codes[y + 1, x]
-                if not valid or (d == 0 and has_invalid):
-                    flag |= CUT_DOWN
-                else:
-                    before = codes[y - 1, x] if y > 0 else c
-                    after = codes[y + 2, x] if y + 2 < h else d
-                    if has_invalid:
-                        before = before if before > 0 else c
-                        after = after if after > 0 else d
-                    if _is_cut(c, d, before, after, edge):
-                        flag |= CUT_DOWN
-            flags[y, x] = flag
-    for y in numba.prange(h):
-        for x in range(w):
-            flag = flags[y, x]
-            left = flags[y, x - 1] if x > 0 else (flags[y, w - 1] if wraps else flag & ~CUT_RIGHT)
-            up = flags[y - 1, x] if y > 0 else flag & ~CUT_DOWN
-            right = flags[y, (x + 1) % w] if (x + 1 < w or wraps) else flag
-            down = flags[y + 1, x] if y + 1 < h else flag
-            cut = (flag & (CUT_RIGHT | CUT_DOWN)) | (left & CUT_RIGHT) | (up & CUT_DOWN)
-            mask = ((flag ^ left) | (flag ^ up) | (flag ^ right) | (flag ^ down)) & KEPT
-            if cut or mask or not flag & VALID:
-                # The neighbouring rows read the other bits of this flag only.
-                flags[y, x] = flag | BROKEN
+            # The neighbouring rows read the other bits of this flag only.
+            flags[y, x] |= BROKEN if broken[x] else 0
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -138,9 +162,25 @@ def split_errors(codes: U16, flags: U8, block: int, wraps: bool, error: F32) -> 
     s = 1
     while s < block:
         # Middles of the sides of squares of size 2s: exactly one coordinate is odd in units of s.
-        for row in numba.prange((gh + s - 1) // s):
+        for row_ in numba.prange((gh + s - 1) // s):
+            row = np.int64(row_)
             y = row * s
             for x in range(0 if row % 2 else s, gw, 2 * s):
+                c = s // 2
+                if s <= x < w - s and s <= y < h - s:  # well inside: no index needs a check
+                    if row % 2 == 0:
+                        a, b = codes[y, x - s], codes[y, x + s]
+                    else:
+                        a, b = codes[y - s, x], codes[y + s, x]
+                    own = abs(np.float32(codes[y, x]) - np.float32(0.5) * (np.float32(a) + np.float32(b)))
+                    own = np.float32(math.inf) if flags[y, x] & BROKEN else own
+                    if s > 1:
+                        own += max(
+                            max(error[y - c, x - c], error[y - c, x + c]),
+                            max(error[y + c, x - c], error[y + c, x + c]),
+                        )
+                    error[y, x] = own
+                    continue
                 if row % 2 == 0:
                     own = _deviation(codes, x, y, x - s, y, x + s, y, w, h, wraps)
                 else:
@@ -148,7 +188,6 @@ def split_errors(codes: U16, flags: U8, block: int, wraps: bool, error: F32) -> 
                 if y < h and (x < w or wraps) and flags[y, x % w] & BROKEN:
                     own = math.inf
                 if s > 1:
-                    c = s // 2
                     own += max(
                         max(_error_at(error, x - c, y - c), _error_at(error, x + c, y - c)),
                         max(_error_at(error, x - c, y + c), _error_at(error, x + c, y + c)),
@@ -158,14 +197,21 @@ def split_errors(codes: U16, flags: U8, block: int, wraps: bool, error: F32) -> 
             for y in range(0, gh, s):
                 error[y, 0] = error[y, w] = max(error[y, 0], error[y, w])
         # Centres: both coordinates odd.
-        for row in numba.prange(gh // (2 * s)):
+        for row_ in numba.prange(gh // (2 * s)):
+            row = np.int64(row_)
             y = (2 * row + 1) * s
             for column in range(gw // (2 * s)):
                 x = (2 * column + 1) * s
-                if (row + column) % 2 == 0:
-                    own = _deviation(codes, x, y, x - s, y - s, x + s, y + s, w, h, wraps)
-                else:
-                    own = _deviation(codes, x, y, x + s, y - s, x - s, y + s, w, h, wraps)
+                down = s if (row + column) % 2 == 0 else -s
+                if x < w - s and y < h - s:
+                    a, b = codes[y - down, x - s], codes[y + down, x + s]
+                    own = abs(np.float32(codes[y, x]) - np.float32(0.5) * (np.float32(a) + np.float32(b)))
+                    own = np.float32(math.inf) if flags[y, x] & BROKEN else own
+                    error[y, x] = own + max(
+                        max(error[y - s, x], error[y + s, x]), max(error[y, x - s], error[y, x + s])
+                    )
+                    continue
+                own = _deviation(codes, x, y, x - s, y - down, x + s, y + down, w, h, wraps)
                 if y < h and (x < w or wraps) and flags[y, x % w] & BROKEN:
                     own = math.inf
                 own += max(
@@ -300,7 +346,7 @@ def _walk_cut_quads(
     n_vertices, n_triangles = 0, 0
     for y in range(y0, y1):
         for x in range(x0, x1):
-            if not flags[y, x % w] & BROKEN or not _quad_is_cut(flags, x, y, w):
+            if not (flags[y, x % w] | flags[y + 1, (x + 1) % w]) & BROKEN or not _quad_is_cut(flags, x, y, w):
                 continue
             for dy in range(2):
                 for dx in range(2):
