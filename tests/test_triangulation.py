@@ -196,7 +196,6 @@ def test_kept_pixels_alone_are_triangulated(case, block, tolerance, share):
         assert len(at) == 3 or kept.all()
 
 
-@pytest.mark.xfail(reason="a quad cut only on its lower or right side gets no rims")
 @quick
 @given(maps(), blocks, st.sampled_from([0.0, 7.0]))
 def test_rims_are_the_quarters_of_cut_quads(case, block, tolerance):
@@ -207,7 +206,6 @@ def test_rims_are_the_quarters_of_cut_quads(case, block, tolerance):
     assert (areas(mesh) < 0).all()
 
 
-@pytest.mark.xfail(reason="a quad cut only on its lower or right side gets no rims")
 @quick
 @given(maps(), blocks, st.sampled_from([0.0, 7.0]))
 def test_surface_and_rims_together_do_not_overlap(case, block, tolerance):
