@@ -215,6 +215,33 @@ def test_a_walker_is_forgotten_all_along():
     assert report.p_pbs <= size
 
 
+def test_a_camera_that_moves_leaves_only_what_others_confirm():
+    cameras = camera_row()
+    model, _first = model_of(cameras, frame(0, cameras, box_y=0.0))
+    edge = model.mesh().vertices[:, 1].min(), model.mesh().vertices[:, 1].max()
+    groups = []
+    for index in range(1, 9):
+        moving = dataclasses.replace(cameras[0], pose=Pose((0.0, -0.4 - 0.05 * index, 0.0)))
+        report = model.update(frame(index, [moving, *cameras[1:]]))
+        groups.append(report.group)
+    assert groups[:4] == [("v1",), ("v2",), ("v1",), ("v2",)]
+    assert len(near_points(model)) == 0
+    np.testing.assert_allclose(pbi_of(model, cameras[1])[0], WALL_X, atol=0.02)
+    y = model.mesh().vertices[:, 1]
+    assert y.max() == edge[1]
+    assert y.min() == pytest.approx(edge[0] + 0.4, abs=0.3)  # beyond it only the camera that moved saw the wall
+
+
+def test_without_a_fixed_camera_nothing_is_background():
+    cameras = camera_row(2)
+    model, _first = model_of(cameras, frame(0, cameras, box_y=0.0))
+    moved = [dataclasses.replace(c, pose=c.pose.translated((-0.1, 0.0, 0.0))) for c in cameras]
+    for index in (1, 2):
+        report = model.update(frame(index, moved))
+        assert (report.group, report.s_pbs_valid, report.p_pbs) == ((), 0, 0)
+    assert np.isnan(pbi_of(model, cameras[1])[0]).all()
+
+
 def test_noisy_depth_does_not_make_the_model_grow():
     cameras = camera_row()
     rng = np.random.default_rng(0)
@@ -279,12 +306,12 @@ def test_far_from_the_worlds_origin():
     np.testing.assert_allclose(model.mesh().vertices[:, 0] - shift[0], WALL_X, atol=0.02)
 
 
-@pytest.mark.parametrize("change", ["moved", "renamed"])
+@pytest.mark.parametrize("change", ["recoded", "renamed"])
 def test_frames_that_do_not_fit_are_refused_and_change_nothing(change):
     cameras = camera_row()
     model, _first = model_of(cameras, frame(0, cameras, box_y=0.0))
     counts = model.counts()
-    other = {"moved": {"pose": Pose((0.1, 0.0, 0.0))}, "renamed": {"name": "v9"}}[change]
+    other = {"recoded": {"depth": dataclasses.replace(CODING, far=30.0)}, "renamed": {"name": "v9"}}[change]
     views = list(frame(1, cameras).views)
     views[1] = dataclasses.replace(views[1], camera=dataclasses.replace(cameras[1], **other))
     with pytest.raises(ValueError, match="frame 1: view"):

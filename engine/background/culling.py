@@ -18,7 +18,7 @@ from ..embree import MarkQuery
 from ..kernels.culling import mark_grid, mark_through
 from .pbs import ProbableBackgroundSurface, Surface
 
-__all__ = ["cull_unmarked", "mark_background", "mark_missed"]
+__all__ = ["clear_marks", "cull_unmarked", "mark_background", "mark_missed"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -32,14 +32,20 @@ def mark_background(
     the camera as kernels take it.
     """
     word, bit = camera // 64, np.uint64(1 << (camera % 64))
-    for surface in pbs.surfaces():
-        surface.marks[:, word] &= ~bit
+    clear_marks(pbs, camera)
     query = MarkQuery(pbs.marks_table, word, int(bit))
     rays = mark_grid(
         pbs.intersect, pbs.scene, query.address, packed, pbs.bounds, stride, delta_m,
         pbs.marks_table, word, bit.astype(np.int64),
     )  # fmt: skip
     return int(rays)
+
+
+def clear_marks(pbs: ProbableBackgroundSurface, camera: int) -> None:
+    """Takes a camera's marks from all triangles."""
+    word, bit = camera // 64, np.uint64(1 << (camera % 64))
+    for surface in pbs.surfaces():
+        surface.marks[:, word] &= ~bit
 
 
 def mark_missed(

@@ -23,7 +23,7 @@ from ..scene import Scene
 from ..settings import Settings
 from ..triangulation import triangulate
 from .coverage import choose_views, farther_pixels
-from .culling import cull_unmarked, mark_background, mark_missed
+from .culling import clear_marks, cull_unmarked, mark_background, mark_missed
 from .maximum_depth import MaximumDepthImage, coding_row
 from .pbs import ProbableBackgroundSurface, Surface
 from .tolerances import Tolerances, scene_tolerances, with_noise
@@ -51,15 +51,16 @@ class UpdateReport:
 class BackgroundModel:
     """S-PBS from the first frame, P-PBS from what later frames uncover; rendered as probable background images.
 
-    `update` and `render_pbi` are called by one thread at a time; `mesh` may be called by any other. Cameras must
-    not move: ValueError. A frame is checked before anything is changed.
+    `update` and `render_pbi` are called by one thread at a time; `mesh` may be called by any other. A camera that
+    has moved since the first frame adds nothing from then on; what it added before stays as far as other cameras
+    find it. A frame that does not fit is a ValueError and changes nothing.
     """
 
     def __init__(self, cameras: Sequence[Camera], settings: Settings, scene: Scene) -> None:
         self.cameras = tuple(cameras)
         self.settings = settings
         self._origin = np.asarray(scene.origin, np.float64)
-        self._packed = [camera.packed(self._origin) for camera in self.cameras]
+        self._packed: list[npt.NDArray[np.float64]] = []
         self._options = [scene.triangulation(camera, settings) for camera in self.cameras]
         self._pbs = ProbableBackgroundSurface(len(self.cameras))
         self._images: list[MaximumDepthImage] = []
@@ -67,6 +68,7 @@ class BackgroundModel:
         self._tolerances = Tolerances(0.0, 0.0)
         self._scratch: dict[tuple[int, ...], npt.NDArray[np.int32]] = {}
         self._cast_version = [-1] * len(self.cameras)  # the PBS' version at each camera's last culling rays
+        self._moved: set[int] = set()
         self._next = 0
         self._noise_known = False
         self._lock = threading.Lock()  # held while surfaces are replaced or flagged, and while they are listed
@@ -102,15 +104,15 @@ class BackgroundModel:
         if names != tuple(camera.name for camera in self.cameras):
             raise ValueError(f"frame {frame.index}: views {names}: expected one of each camera, in order")
         for view, camera in zip(frame.views, self.cameras, strict=True):
-            if view.camera.pose != camera.pose:
-                raise ValueError(
-                    f"frame {frame.index}: view {camera.name}: pose {view.camera.pose}: expected a fixed camera"
-                )
+            if dataclasses.replace(view.camera, pose=camera.pose) != camera:
+                raise ValueError(f"frame {frame.index}: view {camera.name}: {view.camera}: expected {camera}")
 
     # The first frame (section 3.3.2)
 
     def _initialise(self, frame: Frame) -> UpdateReport:
         report = UpdateReport(frame.index, tuple(camera.name for camera in self.cameras))
+        self.cameras = tuple(view.camera for view in frame.views)  # where they are now
+        self._packed = [camera.packed(self._origin) for camera in self.cameras]
         self._tolerances = scene_tolerances(frame.views, self.settings)
         with _timed(report, "maximum_depth"):
             self._images = [
@@ -154,27 +156,50 @@ class BackgroundModel:
     # Every later frame (section 3.3.3)
 
     def _progress(self, frame: Frame) -> UpdateReport:
-        size = min(self.settings.n_update, len(self.cameras))
-        group = [(self._next + i) % len(self.cameras) for i in range(size)]
-        self._next = (self._next + size) % len(self.cameras)
+        retired = self._retire(frame)
+        group = self._next_group()
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
         with _timed(report, "maximum_depth"):
             if not self._noise_known:
                 self._allow_for_noise(frame)
-            for image, view in zip(self._images, frame.views, strict=True):
-                report.updated += image.update(view)
+            for c in self._fixed():
+                report.updated += self._images[c].update(frame.views[c])
         for c in group:
             self._take_turn(c, report)
         with _timed(report, "culling"):
             # Where no geometry has changed since a camera's last rays, they would find the same again.
-            self._cull([c for c in group if self._cast_version[c] != self._pbs.version], report)
+            due = [c for c in group if self._cast_version[c] != self._pbs.version]
+            if due or retired:
+                self._cull(due, report)
         return report
+
+    def _retire(self, frame: Frame) -> bool:
+        """Takes their marks from cameras that have moved; whether there are new ones."""
+        moved = {c for c in self._fixed() if frame.views[c].camera.pose != self.cameras[c].pose}
+        for c in moved:
+            clear_marks(self._pbs, c)
+        self._moved |= moved
+        return bool(moved)
+
+    def _fixed(self) -> list[int]:
+        """The cameras that have not moved."""
+        return [c for c in range(len(self.cameras)) if c not in self._moved]
+
+    def _next_group(self) -> list[int]:
+        """The cameras whose turn it is, each once a round."""
+        count = len(self.cameras)
+        ahead = [c for k in range(count) if (c := (self._next + k) % count) not in self._moved]
+        group = ahead[: self.settings.n_update]
+        if group:
+            self._next = (group[-1] + 1) % count
+        return group
 
     def _allow_for_noise(self, frame: Frame) -> None:
         """The second frame tells how much depth flickers."""
         self._noise_known = True
-        before = [image.codes for image in self._images]
-        self._tolerances = with_noise(self._tolerances, before, frame.views, self.settings)
+        before = [self._images[c].codes for c in self._fixed()]
+        views = [frame.views[c] for c in self._fixed()]
+        self._tolerances = with_noise(self._tolerances, before, views, self.settings)
         if self._tolerances.noise:
             for image in self._images:
                 image.compare_by(self._tolerances)
@@ -238,7 +263,7 @@ class BackgroundModel:
         for c in cameras:
             self._cast_version[c] = self._pbs.version
             report.rays += mark_background(self._pbs, c, self._packed[c], self.settings.culling_stride, self.delta)
-        others = [c for c in range(len(self.cameras)) if c not in cameras]
+        others = [c for c in self._fixed() if c not in cameras]
         report.rays += mark_missed(self._pbs, [*cameras, *others], self._packed, self.delta)
         with self._lock:
             report.culled += cull_unmarked(self._pbs)
