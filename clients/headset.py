@@ -82,6 +82,7 @@ class Headset:
     holes: list[float] = field(default_factory=list)
     stages: list[dict[str, float]] = field(default_factory=list)
     span: tuple[float, float] = (0.0, 0.0)  # when the first and the last picture came
+    _writing: asyncio.Task[None] | None = None
 
     async def run(self, url: str) -> None:
         """Connect, then move and look until the time is over; raises RefusedError or ConnectionError."""
@@ -98,6 +99,8 @@ class Headset:
                 for task in (receiving, moving):
                     task.cancel()
                 await asyncio.gather(receiving, moving, return_exceptions=True)
+                if self._writing is not None:
+                    await self._writing
 
     def _show_scene(self, scene: Scene) -> None:
         self.scene = scene
@@ -110,7 +113,8 @@ class Headset:
             if not self.frames:
                 start, elapsed = time.monotonic(), 0.0
             position, orientation = pose_to_wire(self.hello.axes, self.path(self.home, elapsed))
-            await peer.send(PoseUpdate(self.sent, time.monotonic(), position, orientation))
+            pose = PoseUpdate(self.sent, time.monotonic(), position, orientation, seen=len(self.frames))
+            await peer.send(pose)
             self.sent += 1
             await asyncio.sleep(1.0 / self.rate)
 
@@ -129,8 +133,9 @@ class Headset:
         self.frames.append(picture.frame)
         self.holes.append(picture.holes)
         self.stages.append(dict(picture.stages))
-        if self.out is not None:
-            await asyncio.to_thread(_write_pngs, picture, self.out, len(self.frames) - 1)
+        if self.out is not None and (self._writing is None or self._writing.done()):
+            number = len(self.frames) - 1  # what comes while PNGs are written is left out
+            self._writing = asyncio.create_task(asyncio.to_thread(_write_pngs, picture, self.out, number))
         self.progress(self)
 
     @property
@@ -167,7 +172,7 @@ def command(
         Path | None, typer.Option(help="CSV of head poses (default: a built-in path).")
     ] = None,
     trace_rate: Annotated[float, typer.Option(help="Rows of the trace a second.")] = 30.0,
-    out: Annotated[Path | None, typer.Option(help="Folder for PNGs of every picture.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for PNGs, as many as can be written.")] = None,
     rate: Annotated[float, typer.Option(min=0.1, max=1000, help="Poses a second.")] = 72.0,
     seconds: Annotated[float, typer.Option(min=0.1, help="How long, from the first picture on.")] = 10.0,
     size: Annotated[str, typer.Option(help="Picture of an eye, WxH.")] = "640x720",

@@ -28,6 +28,7 @@ __all__ = ["Core", "HeadPose", "Live", "LiveViewer", "Source"]
 
 _log = logging.getLogger(__name__)
 Tag = TypeVar("Tag")
+IN_FLIGHT = 2  # pictures that may be on their way to a viewer that tells what it has seen
 
 
 class Report(Protocol):
@@ -65,12 +66,16 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class HeadPose(Generic[Tag]):
-    """A pose at a time on the viewer's clock (s), velocity in m/s where known; `tag` comes back untouched."""
+    """A pose at a time on the viewer's clock (s), velocity in m/s where known; `tag` comes back untouched.
+
+    `seen` is how many pictures the viewer has received, where it tells: then a slow network queues none.
+    """
 
     pose: Pose
     time: float
     tag: Tag
     velocity: tuple[float, float, float] | None = None
+    seen: int | None = None
 
 
 class LiveViewer(Generic[Tag]):
@@ -118,14 +123,18 @@ class LiveViewer(Generic[Tag]):
                 announced = source
                 await announce(source)
             core = self._live.shown
-            if self._wanted is None or core is None:
-                continue
+            if self._wanted is None or core is None or self._congested():
+                continue  # the next pose, frame or scene wakes
             wanted, self._wanted = self._wanted, None
             data, stages = await self._live.in_front_end(self._render, core, wanted, finish)
             self._live.rendered(stages)
             self.rendered += 1
             self.rate.count()
             await send(data)
+
+    def _congested(self) -> bool:
+        seen = self._wanted.seen if self._wanted is not None else None
+        return seen is not None and self.rendered - seen >= IN_FLIGHT
 
     def _render(
         self, core: Core, wanted: HeadPose[Tag], finish: Callable[[HeadPose[Tag], StereoPicture], bytes]

@@ -64,7 +64,7 @@ async def _receive_poses(socket: WebSocket, viewer: LiveViewer[PoseUpdate], axes
         last = update.seq
         velocity = None if update.velocity is None else vector_from_wire(axes, update.velocity)
         pose = pose_from_wire(axes, update.position, update.orientation)
-        viewer.look(HeadPose(pose, update.time, update, velocity))
+        viewer.look(HeadPose(pose, update.time, update, velocity, update.seen))
 
 
 def _finish(

@@ -363,7 +363,10 @@ class FrameDone:
 
 @dataclass(frozen=True, slots=True)
 class PoseUpdate:
-    """Where a viewer's head is, in its axes; `time` is on the viewer's clock, seconds."""
+    """Where a viewer's head is, in its axes; `time` is on the viewer's clock, seconds.
+
+    `seen` counts the stereo messages that the viewer has received: with it, few are under way at a time.
+    """
 
     TYPE: ClassVar[str] = "pose"
     seq: int
@@ -371,6 +374,7 @@ class PoseUpdate:
     position: Vector
     orientation: Quaternion
     velocity: Vector | None = None  # m/s
+    seen: int | None = None
 
     def _fields(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in self.__slots__}
@@ -383,6 +387,7 @@ class PoseUpdate:
             reader.vector("position"),
             reader.quaternion("orientation"),
             reader.vector("velocity") if reader.has("velocity") else None,
+            reader.integer("seen", 0, MAX_COUNT) if reader.has("seen") else None,
         )
 
 

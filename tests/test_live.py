@@ -246,6 +246,32 @@ def test_a_slow_client_delays_no_other() -> None:
     run(scenario)
 
 
+def test_a_viewer_that_tells_what_it_has_seen_has_few_pictures_under_way() -> None:
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+
+                async def show(tag: int, seen: int, pictures: int) -> None:
+                    viewer.look(HeadPose(Pose(), tag / 100, tag, None, seen))
+                    for _ in range(20):
+                        await asyncio.sleep(0.005)
+                    assert len(screen.seen) == pictures
+
+                await show(1, 0, 1)
+                await show(2, 0, 2)
+                await show(3, 0, 2)  # two are under way
+                await show(4, 1, 3)  # one has arrived: the newest pose is next
+                assert [tag for tag, _ in screen.seen] == [1, 2, 4]
+                assert viewer.dropped == 1
+                watching.cancel()
+
+    run(scenario)
+
+
 def test_rendering_goes_on_while_the_back_end_works() -> None:
     """f_ren does not wait for f_vin: with an update held up, pictures of the previous frame come."""
 

@@ -97,7 +97,7 @@ messages = st.one_of(
         st.none() | poses,
     ),
     st.builds(protocol.FrameDone, counts, st.sampled_from(["updated", "dropped"])),
-    st.builds(protocol.PoseUpdate, counts, numbers, vectors, quaternions(), st.none() | vectors),
+    st.builds(protocol.PoseUpdate, counts, numbers, vectors, quaternions(), st.none() | vectors, st.none() | counts),
     st.builds(
         protocol.Stereo,
         counts,
@@ -117,6 +117,15 @@ messages = st.one_of(
 )
 
 
+def same(a: Any, b: Any) -> bool:
+    """Equal but for the last bits of numbers: a quaternion is normalised again on arrival."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, list):
+        return len(a) == len(b) and all(map(same, a, b))
+    return type(a) is type(b) and (a == b or (isinstance(a, float) and abs(a - b) < 1e-12))
+
+
 def refusal(data: bytes) -> ProtocolError | None:
     try:
         protocol.decode(data)
@@ -129,13 +138,13 @@ def refusal(data: bytes) -> ProtocolError | None:
 def test_a_message_comes_back_as_it_went(message: protocol.Message) -> None:
     back = protocol.decode(protocol.encode(message))
     assert type(back) is type(message)
-    assert back == message
+    assert same(msgpack.unpackb(protocol.encode(back)), msgpack.unpackb(protocol.encode(message)))
+    if not isinstance(message, protocol.SourceHello | protocol.ViewData):
+        assert back == message
 
 
 @given(messages, st.data())
-def test_damaged_bytes_raise_nothing_but_protocol_errors(
-    message: protocol.Message, data: st.DataObject
-) -> None:
+def test_damaged_bytes_raise_nothing_but_protocol_errors(message: protocol.Message, data: st.DataObject) -> None:
     good = protocol.encode(message)
     at = data.draw(st.integers(0, len(good) - 1))
     flipped = good[:at] + bytes([data.draw(st.integers(0, 255))]) + good[at + 1 :]
@@ -184,9 +193,7 @@ HELLO = {
 }
 CAMERA = msgpack.unpackb(
     protocol.encode(
-        protocol.SourceHello(
-            "s", 30, (Camera("v0", Perspective(64, 48, 50, 50, 32, 24), Pose(), DepthCoding(1, 9)),)
-        )
+        protocol.SourceHello("s", 30, (Camera("v0", Perspective(64, 48, 50, 50, 32, 24), Pose(), DepthCoding(1, 9)),))
     )
 )
 
@@ -240,21 +247,13 @@ CAMERA = msgpack.unpackb(
         (CAMERA | {"fps": 0}, CloseCode.VALUE, "fps: 0: expected a number from 0.01"),
         (
             CAMERA
-            | {
-                "cameras": [
-                    CAMERA["cameras"][0] | {"depth": {"near": 2, "far": 1, "bits": 8, "has_invalid": 0}}
-                ]
-            },
+            | {"cameras": [CAMERA["cameras"][0] | {"depth": {"near": 2, "far": 1, "bits": 8, "has_invalid": 0}}]},
             CloseCode.MALFORMED,
             r"cameras\[0\].depth.has_invalid: 0: expected true or false",
         ),
         (
             CAMERA
-            | {
-                "cameras": [
-                    CAMERA["cameras"][0] | {"depth": {"near": 2, "far": 1, "bits": 8, "has_invalid": False}}
-                ]
-            },
+            | {"cameras": [CAMERA["cameras"][0] | {"depth": {"near": 2, "far": 1, "bits": 8, "has_invalid": False}}]},
             CloseCode.VALUE,
             r"cameras\[0\].depth.near: 2.0: expected 0 < near < far",
         ),
@@ -262,8 +261,7 @@ CAMERA = msgpack.unpackb(
             CAMERA
             | {
                 "cameras": [
-                    CAMERA["cameras"][0]
-                    | {"projection": {"kind": "perspective", "focal": [0, 1], "centre": [0, 0]}}
+                    CAMERA["cameras"][0] | {"projection": {"kind": "perspective", "focal": [0, 1], "centre": [0, 0]}}
                 ]
             },
             CloseCode.VALUE,
@@ -310,9 +308,7 @@ def test_field_of_view_is_a_pair_of_equal_frusta_with_square_pixels() -> None:
 def test_openxr_axes() -> None:
     """Forward is -z there and +x here; right is +x there and -y here, up is +y there and +z here."""
     half = math.sqrt(0.5)
-    pose = protocol.pose_from_wire(
-        "openxr", (1.0, 2.0, 3.0), (0.0, half, 0.0, half)
-    )  # 90 degrees to the left
+    pose = protocol.pose_from_wire("openxr", (1.0, 2.0, 3.0), (0.0, half, 0.0, half))  # 90 degrees to the left
     assert pose.position == (-3.0, -1.0, 2.0)
     assert pose.rotation() @ [1, 0, 0] == pytest.approx([0, 1, 0])  # forward became left
     assert protocol.vector_from_wire("openxr", (0.0, 0.0, -1.0)) == (1.0, 0.0, 0.0)
@@ -332,9 +328,7 @@ def test_rotating_commutes_with_changing_axes(q: Any, v: Any) -> None:
     in_xr = Pose((0, 0, 0), (w, x, y, z)).rotation() @ v
     here = protocol.pose_from_wire("openxr", (0.0, 0.0, 0.0), (x, y, z, w)).rotation()
     expected = protocol.vector_from_wire("openxr", tuple(in_xr))
-    assert here @ protocol.vector_from_wire("openxr", v) == pytest.approx(
-        expected, abs=1e-6 * (1 + np.abs(v).max())
-    )
+    assert here @ protocol.vector_from_wire("openxr", v) == pytest.approx(expected, abs=1e-6 * (1 + np.abs(v).max()))
 
 
 # Pictures and depth
