@@ -1,0 +1,94 @@
+"""The backdrop behind the warped views: it fills holes, and is hidden where the present says otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from farside.engine.camera import Camera, Perspective, Pose
+from farside.engine.depth import DepthCoding
+from farside.engine.frame import View
+from farside.engine.triangulation import TriangulationOptions
+from farside.engine.warping import Canvas, PreparedView, Target, ViewTable
+from rooms import texture_of
+
+ORIGIN = np.zeros(3)
+CODING = DepthCoding(0.5, 20.0, 16, has_invalid=True)
+PROJECTION = Perspective.from_fov(32, 24, 1.2)
+PUSH = 0.1
+HERE = Camera("here", PROJECTION, Pose(), CODING)
+
+
+def flat(depth, *, camera=HERE, luma=500):
+    """A view of a wall across the view axis, at a depth a pixel where an array is given; nan: nothing."""
+    shape = (camera.height, camera.width)
+    codes = camera.depth.codes(np.broadcast_to(np.asarray(depth, float), shape))
+    return PreparedView(View(camera, texture_of(np.full(shape, luma)), codes), TriangulationOptions(0.0, 0.2), ORIGIN)
+
+
+def layered(live, backdrop, present, *, push=PUSH):
+    """A canvas with a live wall, where there is one, and a backdrop behind it."""
+    canvas, target = Canvas(HERE.width, HERE.height), Target(HERE, ORIGIN)
+    if live is not None:
+        canvas.draw(flat(live).mesh(), target, 0, 0.01, 0.0)
+    canvas.draw_backdrop(flat(backdrop), ViewTable([flat(present)]), target, 1, 0.01, push)
+    return canvas
+
+
+INNER = np.s_[1:-1, 1:-1]
+
+
+def test_holes_are_filled_and_the_backdrop_is_pushed_back():
+    canvas = layered(None, 3.0, np.nan)
+    np.testing.assert_allclose(canvas.disparity[INNER], 1 / (3.0 + PUSH), rtol=1e-4)
+    assert (canvas.winner[INNER] == 1).all()
+    np.testing.assert_allclose(layered(None, 3.0, np.nan, push=0.0).disparity[INNER], 1 / 3.0, rtol=1e-4)
+
+
+def test_holes_alone_are_filled():
+    live = np.where(np.arange(32) < 16, 2.0, np.nan)
+    canvas = layered(live, 3.0, np.nan)
+    drawn = np.arange(32) < 16
+    np.testing.assert_array_equal(canvas.winner[5, 1:-1], np.where(drawn, 0, 1)[1:-1])
+    np.testing.assert_allclose(canvas.disparity[5, 1:-1], np.where(drawn, 0.5, 1 / (3 + PUSH))[1:-1], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("present", "ghost"),
+    [(6.0, True), (3.05, False), (3.0, False), (2.0, False), (np.nan, False), (3.4, True)],
+    ids=["sees farther", "sees the same", "sees the surface", "is blocked", "sees nothing", "sees a little farther"],
+)
+def test_what_the_present_looks_through_is_a_ghost(present, ghost):
+    canvas = layered(None, 3.0, present)
+    assert (canvas.disparity[INNER] == 0).all() == ghost
+    assert (canvas.disparity[INNER] > 0).all() == (not ghost)
+
+
+def test_a_ghost_needs_all_texels_round_it():
+    """Near a hole or an edge of the present view nothing says that the past is gone."""
+    present = np.full((24, 32), 6.0)
+    present[10:14, 10:14] = np.nan
+    found = layered(None, 3.0, present).disparity > 0
+    assert found[10:14, 10:14].all()
+    assert not found[2:8, 2:-2].any()
+    assert not found[17:-2, 2:-2].any()
+
+
+def test_one_present_view_that_looks_through_is_enough():
+    canvas, target = Canvas(HERE.width, HERE.height), Target(HERE, ORIGIN)
+    canvas.draw_backdrop(flat(3.0), ViewTable([flat(np.nan), flat(2.0), flat(6.0)]), target, 3, 0.01, PUSH)
+    assert (canvas.disparity[INNER] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("backdrop", "hides"), [(2.0, True), (3.5, True), (3.85, False), (3.95, False), (4.0, False), (6.0, False)]
+)
+def test_a_clearly_nearer_backdrop_alone_hides_the_live_picture(backdrop, hides):
+    canvas = layered(4.0, backdrop, np.nan)
+    assert (canvas.winner[INNER] == hides).all()
+    np.testing.assert_allclose(canvas.disparity[INNER], 1 / (backdrop + PUSH) if hides else 0.25, rtol=1e-4)
+
+
+def test_an_empty_backdrop_changes_nothing():
+    canvas = layered(4.0, np.nan, np.nan)
+    np.testing.assert_allclose(canvas.disparity[INNER], 0.25, rtol=1e-4)
+    assert (canvas.winner == 0).all()
