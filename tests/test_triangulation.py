@@ -208,11 +208,15 @@ def test_rims_are_the_quarters_of_cut_quads(case, block, tolerance):
 
 @quick
 @given(maps(), blocks, st.sampled_from([0.0, 7.0]))
-def test_surface_and_rims_together_do_not_overlap(case, block, tolerance):
+def test_surface_and_rims_together_leave_nothing_out(case, block, tolerance):
     camera, codes, edge, _ = case
     mesh = triangulate(camera, codes, options(camera, edge, tolerance, block, extend_edges=True))
     q = quads(camera, codes, edge)
-    np.testing.assert_array_equal(coverage(mesh, q), np.where(q.cut(), q.rims(), q.surface()))
+    found, cut = coverage(mesh, q), np.broadcast_to(q.cut(), q.rims().shape)
+    np.testing.assert_array_equal(found[~cut], q.surface()[~cut])
+    assert (found[cut] >= q.rims()[cut]).all()
+    if tolerance == 0.0:  # no merged triangle reaches half way into a cut quad
+        np.testing.assert_array_equal(found[cut], q.rims()[cut])
     assert (areas(mesh) < 0).all()
 
 

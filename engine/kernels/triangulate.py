@@ -31,7 +31,7 @@ I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 
 # What is made: the surface, which ends at the centres of pixels at depth edges; the rims, which are what is left of
-# those pixels' squares; or both without overlap.
+# those pixels' squares; or both, which share half a quad at most where a merged triangle reaches into a cut one.
 SURFACE, RIMS, BOTH = 0, 1, 2
 
 # Bits of a pixel's flags.
