@@ -83,10 +83,12 @@ class Headset:
     stages: list[dict[str, float]] = field(default_factory=list)
     span: tuple[float, float] = (0.0, 0.0)  # when the first and the last picture came
     _writing: asyncio.Task[None] | None = None
+    _before: int = 0  # pictures received over earlier connections
 
     async def run(self, url: str) -> None:
         """Connect, then move and look until the time is over; raises RefusedError or ConnectionError."""
         async with connect(url, self.hello) as (peer, _):
+            self._before = len(self.frames)
             self._show_scene(await peer.receive(Scene))
             receiving = asyncio.create_task(self._receive(peer))
             moving = asyncio.create_task(self._move(peer))
@@ -113,7 +115,7 @@ class Headset:
             if not self.frames:
                 start, elapsed = time.monotonic(), 0.0
             position, orientation = pose_to_wire(self.hello.axes, self.path(self.home, elapsed))
-            pose = PoseUpdate(self.sent, time.monotonic(), position, orientation, seen=len(self.frames))
+            pose = PoseUpdate(self.sent, time.monotonic(), position, orientation, seen=len(self.frames) - self._before)
             await peer.send(pose)
             self.sent += 1
             await asyncio.sleep(1.0 / self.rate)
@@ -168,9 +170,7 @@ def _write_pngs(picture: Stereo, folder: Path, number: int) -> None:
 
 def command(
     url: Annotated[str, typer.Argument(help="The server, like http://127.0.0.1:8765.")],
-    pose_trace: Annotated[
-        Path | None, typer.Option(help="CSV of head poses (default: a built-in path).")
-    ] = None,
+    pose_trace: Annotated[Path | None, typer.Option(help="CSV of head poses (default: a built-in path).")] = None,
     trace_rate: Annotated[float, typer.Option(help="Rows of the trace a second.")] = 30.0,
     out: Annotated[Path | None, typer.Option(help="Folder for PNGs, as many as can be written.")] = None,
     rate: Annotated[float, typer.Option(min=0.1, max=1000, help="Poses a second.")] = 72.0,
@@ -188,16 +188,12 @@ def command(
     if not 1 < fov < 175:
         raise ValueError(f"--fov: {fov!r}: expected 1 to 175 degrees")
     encoding = "raw" if raw else "jpeg"
-    hello = ViewerHello.symmetric(
-        width, height, math.radians(fov), ipd=ipd, axes=axes, encoding=encoding, token=token
-    )
+    hello = ViewerHello.symmetric(width, height, math.radians(fov), ipd=ipd, axes=axes, encoding=encoding, token=token)
     path = along_trace(pose_trace, trace_rate) if pose_trace else swaying
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     console = Console(stderr=True)
-    with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=console
-    ) as bar:
+    with Progress(SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=console) as bar:
         task = bar.add_task("waiting for pictures")
         headset = Headset(
             hello,

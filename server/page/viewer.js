@@ -1,0 +1,85 @@
+// Connects to the server, sends the head's pose, draws the stereo pairs that come back. Tries again when it ends.
+
+import { decode, encode } from "./msgpack.js";
+import { Head } from "./head.js";
+
+const EYE = { width: 640, height: 480, fov: 1.4, ipd: 0.063 };
+const IN_FLIGHT = 2;
+const RETRY_MS = 1500;
+const element = (id) => document.getElementById(id);
+const canvas = element("picture");
+const head = new Head(canvas);
+const token = new URLSearchParams(location.search).get("token") ?? "";
+const state = { socket: null, scene: null, sent: 0, answered: 0, seen: 0, frame: -1, moved: performance.now(), times: [], latency: 0 };
+globalThis.farside = state; // for a look from the console
+
+function connect() {
+  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/viewer`);
+  let refusal = "";
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => {
+    Object.assign(state, { socket, sent: 0, answered: 0, seen: 0 });
+    const hello = { type: "hello", version: 1, role: "viewer", token, axes: "openxr", encoding: "jpeg", ...EYE };
+    socket.send(encode(hello));
+  };
+  socket.onmessage = async (event) => {
+    const message = decode(event.data);
+    if (message.type === "welcome") say("waiting for a source");
+    else if (message.type === "scene") arrive(message);
+    else if (message.type === "stereo") await show(message);
+    else if (message.type === "error") refusal = `${message.field}: ${message.value}: expected ${message.expected}`;
+  };
+  socket.onclose = (event) => {
+    state.socket = null;
+    say(`no connection: ${refusal || event.reason || "the server does not answer"}; trying again`);
+    setTimeout(connect, RETRY_MS);
+  };
+}
+
+function arrive(scene) {
+  if (state.scene === null || state.scene.name !== scene.name) head.start(scene.position, scene.orientation);
+  state.scene = scene;
+  element("home").onclick = () => head.start(scene.position, scene.orientation);
+}
+
+function sendPose() {
+  const now = performance.now();
+  head.advance((now - state.moved) / 1000);
+  state.moved = now;
+  if (state.socket?.readyState === WebSocket.OPEN && state.scene && (state.sent - state.answered < IN_FLIGHT)) {
+    const pose = { type: "pose", seq: state.sent++, time: now / 1000, position: head.position,
+      orientation: head.orientation(), seen: state.seen };
+    state.socket.send(encode(pose));
+  }
+  requestAnimationFrame(sendPose);
+}
+
+async function show(stereo) {
+  const both = element("eyes").value === "both";
+  const eyes = both ? [stereo.left, stereo.right] : [stereo.left];
+  const pictures = await Promise.all(eyes.map((eye) => createImageBitmap(new Blob([eye.planes[0]], { type: "image/jpeg" }))));
+  state.answered = stereo.seq + 1; // what the server dropped in between does not come any more
+  state.seen += 1;
+  canvas.width = stereo.width * pictures.length;
+  canvas.height = stereo.height;
+  const context = canvas.getContext("2d");
+  pictures.forEach((picture, i) => { context.drawImage(picture, i * stereo.width, 0); picture.close(); });
+  account(stereo);
+}
+
+function account(stereo) {
+  const now = performance.now();
+  state.frame = stereo.frame;
+  state.latency = now - 1000 * stereo.time;
+  state.times = [...state.times.filter((time) => time > now - 2000), now];
+  const rate = (state.times.length - 1) / Math.max(1e-3, (now - state.times[0]) / 1000);
+  const stages = Object.entries(stereo.stages).map(([name, ms]) => `${name} ${ms.toFixed(0)}`).join(" ");
+  element("figures").textContent = `${state.scene.name}, frame ${stereo.frame}: ${rate.toFixed(1)} pictures a second, `
+    + `latency ${state.latency.toFixed(0)} ms (${stages}), holes ${(100 * stereo.holes).toFixed(1)} %`;
+  say("");
+}
+
+function say(text) { if (element("message").textContent !== text) element("message").textContent = text; }
+
+connect();
+sendPose();
