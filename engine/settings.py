@@ -28,15 +28,17 @@ class Settings:
     baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
     max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two
     delta_m: float | None = None  # culling tolerance (delta); the paper's is 0.2
-    culling_stride: int = 4  # pixels between culling rays; 1: two rays a pixel (section 3.3.2)
+    culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
     blend: int = 3  # how many of the rendered views may contribute to a pixel's colour
     jpeg_quality: int = 90
 
     def __post_init__(self) -> None:
-        for name in ("n_render", "n_init", "n_update", "culling_stride", "blend"):
+        for name in ("n_render", "n_init", "n_update", "blend"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 1")
+        if self.culling_stride < 0:
+            raise ValueError(f"culling_stride: {self.culling_stride!r}: expected at least 0")
         if self.tolerance_px < 0:
             raise ValueError(f"tolerance_px: {self.tolerance_px!r}: expected at least 0")
         if self.delta_m is not None and self.delta_m < 0:
@@ -49,9 +51,9 @@ class Settings:
     def preset(cls, quality: str = "balanced", **changes: object) -> Settings:
         """The settings of a quality (fast, balanced, best), with changes on top."""
         presets = {
-            "fast": cls(tolerance_px=0.5, overdraw=False, rims=False, blend=1, culling_stride=8, pbi_scale=0.5, jpeg_quality=80),
+            "fast": cls(tolerance_px=0.5, overdraw=False, rims=False, blend=1, pbi_scale=0.5, jpeg_quality=80),
             "balanced": cls(pbi_scale=0.5),
-            "best": cls(tolerance_px=0.1, blend=5, culling_stride=2),
+            "best": cls(tolerance_px=0.1, blend=5),
         }
         if quality not in presets:
             raise ValueError(f"quality: {quality!r}: expected one of {', '.join(QUALITIES)}")

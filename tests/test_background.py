@@ -12,7 +12,7 @@ from farside.engine.background.pbs import ProbableBackgroundSurface
 from farside.engine.background.tolerances import scene_tolerances
 from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.frame import Frame, View
-from farside.engine.kernels.culling import OFFSETS
+from farside.engine.kernels.culling import OFFSETS, SAMPLES, SMALL_PX
 from farside.engine.mesh import Mesh
 from farside.engine.scene import Scene
 from farside.engine.settings import Settings
@@ -20,7 +20,7 @@ from oracle import coverage as slow_coverage
 from oracle import rays as slow_rays
 from rooms import BOX_X, BOX_Y, CODING, WALL_X, WALL_Y, camera_row, frame, see
 
-SETTINGS = Settings(n_init=3, n_update=1, culling_stride=4)
+SETTINGS = Settings(n_init=3, n_update=1)
 
 
 def model_of(cameras, first, settings=SETTINGS):
@@ -116,6 +116,50 @@ def test_marks_are_those_of_the_slow_twin(stride, delta):
     assert cull_unmarked(pbs) == sum(np.count_nonzero(s.marks.sum(axis=1) == 0) for s in pbs.surfaces()) > 0
 
 
+@pytest.mark.parametrize("share", [False, True])
+@pytest.mark.parametrize("delta", [0.0, 0.4])
+@pytest.mark.parametrize("size_px", [1.0, 9.0])  # of the triangles in their own picture
+def test_marks_by_triangle_are_those_of_the_slow_twin(size_px, delta, share):
+    cameras = camera_row(3, (24, 16))
+    cameras[2] = dataclasses.replace(cameras[2], projection=Equirectangular(24, 16, (-1.2, 1.0), (-0.5, 0.5)))
+    pbs = ProbableBackgroundSurface(70)
+    meshes = [dataclasses.replace(m, uv=np.float32(2 * size_px) * m.points[:, 1:]) for m in sheets(3)]
+    pbs.set_static(0, meshes[0])
+    pbs.set_static(69, meshes[1])
+    pbs.set_progressive(1, meshes[2])
+    pbs.commit()
+    starts = np.cumsum([0, *(len(m.points) for m in meshes)])
+    points = np.concatenate([m.points for m in meshes])
+    triangles = np.concatenate([m.triangles + s for m, s in zip(meshes, starts, strict=False)])
+    packed = np.zeros((70, 20))
+    numbers = [66, 3, 68]
+    packed[numbers] = [camera.packed() for camera in cameras]
+    samples = SAMPLES if size_px > SMALL_PX else SAMPLES[:1]
+    expected = slow_rays.background(cameras, samples, points, triangles, delta)  # [cameras, triangles]
+    rays = mark_missed(pbs, numbers, packed, delta, share=share)
+    marks = np.concatenate([s.marks for s in pbs.surfaces()])
+    np.testing.assert_array_equal(marks.any(axis=1), expected.any(axis=0))
+    for number, by_camera in zip(numbers, expected, strict=True):
+        word, bit = divmod(number, 64)
+        assert not np.any((marks[:, word] >> np.uint64(bit) & np.uint64(1) != 0) & ~by_camera)
+    assert 0 < np.count_nonzero(marks.any(axis=1)) < len(triangles) < rays
+    unmarked = np.count_nonzero(~marks.any(axis=1))
+    assert cull_unmarked(pbs) == unmarked
+
+
+@pytest.mark.parametrize("box_y", [0.0, 0.5])
+def test_both_ways_of_culling_find_the_same_background(box_y):
+    cameras = camera_row()
+    depths = {}
+    for stride in (0, 1):
+        settings = dataclasses.replace(SETTINGS, culling_stride=stride)
+        model, _first = model_of(cameras, frame(0, cameras, box_y=box_y), settings)
+        for index in range(1, 5):
+            model.update(frame(index, cameras, box_y=box_y + 0.15 * index))
+        depths[stride] = pbi_of(model, cameras[1])[0]
+    assert np.mean(~np.isclose(depths[0], depths[1], atol=0.01)) < 0.002
+
+
 def test_triangles_smaller_than_the_stride_are_not_missed():
     cameras = camera_row(2)
     y, z = np.meshgrid(np.linspace(1, -1, 60), np.linspace(1, -1, 60))
@@ -125,7 +169,7 @@ def test_triangles_smaller_than_the_stride_are_not_missed():
     pbs = ProbableBackgroundSurface(2)
     pbs.set_static(0, Mesh(points, np.zeros((3600, 2), np.float32), np.stack([a, c, b], -1).astype(np.int32)))
     pbs.commit()
-    packed = [camera.packed() for camera in cameras]
+    packed = np.array([camera.packed() for camera in cameras])
     assert mark_background(pbs, 0, packed[0], 8, 0.1) > 0
     assert np.count_nonzero(pbs.static[0].marks) < 1000
     mark_missed(pbs, (0, 1), packed, 0.1)
@@ -173,10 +217,14 @@ def test_groups_take_turns(n_update):
     assert groups == expected[n_update]
 
 
-@pytest.mark.parametrize(("tolerance_px", "n_update"), [(0.0, 1), (0.25, 1), (0.25, 3)])
-def test_someone_who_left_leaves_no_ghost_after_one_round(tolerance_px, n_update):
+@pytest.mark.parametrize(
+    ("tolerance_px", "n_update", "stride"), [(0.0, 1, 0), (0.25, 1, 0), (0.25, 3, 0), (0.25, 1, 4)]
+)
+def test_someone_who_left_leaves_no_ghost_after_one_round(tolerance_px, n_update, stride):
     cameras = camera_row()
-    settings = dataclasses.replace(SETTINGS, tolerance_px=tolerance_px, n_update=n_update)
+    settings = dataclasses.replace(
+        SETTINGS, tolerance_px=tolerance_px, n_update=n_update, culling_stride=stride
+    )
     model, _first = model_of(cameras, frame(0, cameras, box_y=0.0), settings)
     assert len(near_points(model)) > 0
     reports = [model.update(frame(index, cameras)) for index in range(1, 4)]

@@ -1,26 +1,29 @@
 """Foreground culling: what no camera's rays from outside the scene find is not background (section 3.3.2).
 
-Each camera owns one bit of every triangle's marks. Casting a camera's rays sets its bit anew everywhere, and
-leaves those of the others: with a group of cameras a frame, a triangle stays until every camera has had its turn
-without finding it. A triangle of the S-PBS that was flagged stays flagged, as in the paper: rays no longer see it,
-so that none can mark it again.
+Each camera owns one bit of every triangle's marks. In its turn the bit is taken away everywhere, and leaves those of
+the others: with a group of cameras a frame, a triangle stays until every camera has had its turn without finding it.
+Bits are set by rays through a grid of the camera's pixels, as in the paper, or only by rays through points of the
+triangles that have no other mark: the same question, asked from the triangle's side, with far fewer rays. A triangle
+of the S-PBS that was flagged stays flagged, as in the paper: rays no longer see it, so that none can mark it again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..embree import MarkQuery
-from ..kernels.culling import mark_grid, mark_through
+from ..kernels.culling import mark_by_triangle, mark_grid
 from .pbs import ProbableBackgroundSurface, Surface
 
 __all__ = ["clear_marks", "cull_unmarked", "mark_background", "mark_missed"]
 
 FloatArray = npt.NDArray[np.float64]
+
+_RUN = 64  # neighbouring triangles that begin with the same camera
 
 
 def mark_background(
@@ -49,28 +52,26 @@ def clear_marks(pbs: ProbableBackgroundSurface, camera: int) -> None:
 
 
 def mark_missed(
-    pbs: ProbableBackgroundSurface, cameras: Iterable[int], packed: Sequence[FloatArray], delta_m: float
+    pbs: ProbableBackgroundSurface, cameras: Sequence[int], packed: FloatArray, delta_m: float, *, share: bool = False
 ) -> int:
-    """Looks again at triangles without a mark, one camera after the other until one finds them; returns the rays.
+    """Looks again at triangles without a mark: the first of the cameras that finds one marks it; returns the rays.
 
-    A ray goes through the centroid of each: an error-bounded mesh has triangles smaller than any stride, which would
-    else be culled wherever they stand. Each is left with one mark, so that it is looked at again in that camera's
-    next turn, not in every one.
+    Rays go through points of the triangles, and only as far as there could be something behind them: an error-bounded
+    mesh has triangles smaller than any stride, and far fewer triangles than pictures have pixels. With one mark each,
+    triangles are looked at again in that camera's next turn, not in every one. `packed` [all cameras, 20]; with
+    `share` the cameras start on other triangles each, which evens out their turns.
     """
-    surfaces, rays = list(pbs.surfaces()), 0
-    missed = [np.flatnonzero(_unmarked(surface)) for surface in surfaces]
-    for camera in cameras:
-        corners = [s.mesh.points[s.mesh.triangles[m]] for s, m in zip(surfaces, missed, strict=True)]
-        points = np.concatenate([np.empty((0, 3), np.float32), *(c.mean(axis=1) for c in corners)])
-        if not len(points):
-            break
-        word, bit = camera // 64, np.uint64(1 << (camera % 64))
-        query = MarkQuery(pbs.marks_table, word, int(bit))
-        rays += mark_through(
-            pbs.intersect, pbs.scene, query.address, packed[camera], pbs.bounds, points, delta_m,
-            pbs.marks_table, word, bit.astype(np.int64),
-        )  # fmt: skip
-        missed = [m[s.marks[m, word] & bit == 0] for s, m in zip(surfaces, missed, strict=True)]
+    order, rays = np.array(cameras, np.int64), 0
+    if not len(order):
+        return 0
+    for surface in pbs.surfaces():
+        missed = np.flatnonzero(_unmarked(surface))
+        if len(missed):
+            mesh = surface.mesh
+            rays += mark_by_triangle(
+                pbs.intersect, pbs.scene, packed, order, _RUN if share else 0, pbs.bounds, mesh.points, mesh.uv,
+                mesh.triangles, missed, delta_m, surface.marks,
+            )  # fmt: skip
     return int(rays)
 
 

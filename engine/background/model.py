@@ -17,6 +17,7 @@ from ..export_mesh import ColouredMesh, srgb_from_ycbcr
 from ..frame import Frame, Texture, View
 from ..kernels.background_image import render_background, sample_colours
 from ..kernels.progressive import accept_candidates, clear_culled, inherit_marks, paint_triangles
+from ..kernels.project import CAMERA_SIZE
 from ..mesh import Mesh
 from ..pbi import BackgroundImage
 from ..scene import Scene
@@ -60,7 +61,7 @@ class BackgroundModel:
         self.cameras = tuple(cameras)
         self.settings = settings
         self._origin = np.asarray(scene.origin, np.float64)
-        self._packed: list[npt.NDArray[np.float64]] = []
+        self._packed = np.zeros((len(self.cameras), CAMERA_SIZE))
         self._options = [scene.triangulation(camera, settings) for camera in self.cameras]
         self._pbs = ProbableBackgroundSurface(len(self.cameras))
         self._images: list[MaximumDepthImage] = []
@@ -112,7 +113,7 @@ class BackgroundModel:
     def _initialise(self, frame: Frame) -> UpdateReport:
         report = UpdateReport(frame.index, tuple(camera.name for camera in self.cameras))
         self.cameras = tuple(view.camera for view in frame.views)  # where they are now
-        self._packed = [camera.packed(self._origin) for camera in self.cameras]
+        self._packed[:] = [camera.packed(self._origin) for camera in self.cameras]
         self._tolerances = scene_tolerances(frame.views, self.settings)
         with _timed(report, "maximum_depth"):
             self._images = [
@@ -125,7 +126,7 @@ class BackgroundModel:
         with _timed(report, "commit"):
             self._pbs.commit()
         with _timed(report, "culling"):
-            self._cull(range(len(self.cameras)), report)
+            self._cull(range(len(self.cameras)), report, share=True)
         with _timed(report, "commit"), self._lock:
             self._pbs.compact_static()
             self._pbs.commit()
@@ -258,13 +259,15 @@ class BackgroundModel:
         if before is not None:
             inherit_marks(mesh.uv, mesh.triangles, numbers, before.marks, surface.marks)
 
-    def _cull(self, cameras: Sequence[int], report: UpdateReport) -> None:
+    def _cull(self, cameras: Sequence[int], report: UpdateReport, *, share: bool = False) -> None:
         """Renews the marks of some cameras, and flags what no camera's marks are left on."""
         for c in cameras:
             self._cast_version[c] = self._pbs.version
-            report.rays += mark_background(self._pbs, c, self._packed[c], self.settings.culling_stride, self.delta)
-        others = [c for c in self._fixed() if c not in cameras]
-        report.rays += mark_missed(self._pbs, [*cameras, *others], self._packed, self.delta)
+            clear_marks(self._pbs, c)
+            if stride := self.settings.culling_stride:
+                report.rays += mark_background(self._pbs, c, self._packed[c], stride, self.delta)
+        order = [*cameras, *(c for c in self._fixed() if c not in cameras)]
+        report.rays += mark_missed(self._pbs, order, self._packed, self.delta, share=share)
         with self._lock:
             report.culled += cull_unmarked(self._pbs)
 

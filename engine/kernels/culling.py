@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 import numpy.typing as npt
 
 from .project import project_point
-from .rays import INVALID_ID, intersect1, or_u64, outside_ray
+from .rays import INVALID_ID, distance_to_exit, intersect1, or_u64, outside_ray
 
-__all__ = ["OFFSETS", "mark_grid", "mark_through"]
+__all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "mark_by_triangle", "mark_grid"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
+I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
+U64 = npt.NDArray[np.uint64]
 
 # Toward the centroids of the two triangles that a pixel owns in the quad to its north-east (Fig. 4), a little.
 OFFSETS = ((0.2, -0.1), (0.1, -0.2))
+# Two of the barycentric coordinates of points that stand for a triangle: the centroid first; for triangles that
+# are larger than some pixels in their own picture also points near corners and near the middles of sides.
+_THIRD = 1.0 / 3.0
+SAMPLES = (
+    (_THIRD, _THIRD), (0.8, 0.1), (0.1, 0.8), (0.1, 0.1), (0.45, 0.45), (0.45, 0.1), (0.1, 0.45),
+)  # fmt: skip
+SMALL_PX = 2.5
+ROUNDING = 1e-4  # share of a distance that float32 rays may be off by
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -68,15 +80,62 @@ def mark_grid(
     return rays
 
 
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _looks(function: int, scene: int, camera: F64, bounds: F64, x: float, y: float, z: float, delta: float) -> int:
+    """What a camera says of a point: 0: not in its picture; 1: something is farther by delta / 2; 2: nothing is."""
+    u, v, depth = project_point(camera, x, y, z)
+    if not (depth > 0.0 and u >= 0.0 and v >= 0.0 and u < camera[1] and v < camera[2]):
+        return 0
+    dx, dy, dz = x - camera[16], y - camera[17], z - camera[18]
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    dx, dy, dz = dx / distance, dy / distance, dz / distance
+    far = distance_to_exit(bounds, camera[16], camera[17], camera[18], dx, dy, dz)
+    # Only up to the point's neighbourhood: most rays meet nothing at all on their way.
+    reach = far - distance - max(0.5 * delta, ROUNDING * distance)
+    if not reach > 0.0:
+        return 2
+    _t, _u, _v, geometry, _primitive = intersect1(
+        function, scene, 0,
+        np.float32(camera[16] + far * dx), np.float32(camera[17] + far * dy), np.float32(camera[18] + far * dz),
+        np.float32(-dx), np.float32(-dy), np.float32(-dz), np.float32(0.0), np.float32(reach),
+    )  # fmt: skip
+    return 2 if geometry == INVALID_ID else 1
+
+
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def mark_through(
-    function: int, scene: int, query: int, camera: F64, bounds: F64, points: F32,
-    delta: float, marks: I64, word: int, bits: int,
+def mark_by_triangle(
+    function: int, scene: int, cameras: F64, order: I64, run: int, bounds: F64, points: F32, uv: F32,
+    triangles: I32, which: I64, delta: float, marks: U64,
 ) -> int:  # fmt: skip
-    """One ray through each of the points [n, 3] that the camera has in its picture; returns the rays cast."""
+    """Gives triangles `which` [n] the mark of the first camera that has one as background; returns the rays cast.
+
+    A triangle is background where nothing lies more than delta / 2 behind one of its sample points, as a camera sees
+    it. Cameras (packed, [cameras, 20]) are asked in the given order; with run > 0, every `run` triangles begin
+    with the next one, so that each camera gets its share.
+    """
     rays = 0
-    for i in numba.prange(points.shape[0]):
-        u, v, depth = project_point(camera, points[i, 0], points[i, 1], points[i, 2])
-        if depth > 0.0 and u >= 0.0 and v >= 0.0 and u < camera[1] and v < camera[2]:
-            rays += _mark_along(function, scene, query, camera, bounds, u, v, delta, marks, word, bits)
+    for i in numba.prange(which.shape[0]):
+        a, b, c = triangles[which[i], 0], triangles[which[i], 1], triangles[which[i], 2]
+        first = i // run if run > 0 else 0
+        extent = max(
+            max(uv[a, 0], uv[b, 0], uv[c, 0]) - min(uv[a, 0], uv[b, 0], uv[c, 0]),
+            max(uv[a, 1], uv[b, 1], uv[c, 1]) - min(uv[a, 1], uv[b, 1], uv[c, 1]),
+        )
+        found = -1
+        for k in range(len(SAMPLES) if extent > SMALL_PX else 1):
+            p, q = SAMPLES[k]
+            r = 1.0 - p - q
+            x = p * points[a, 0] + q * points[b, 0] + r * points[c, 0]
+            y = p * points[a, 1] + q * points[b, 1] + r * points[c, 1]
+            z = p * points[a, 2] + q * points[b, 2] + r * points[c, 2]
+            for j in range(order.shape[0]):
+                camera = order[(first + j) % order.shape[0]]
+                said = _looks(function, scene, cameras[camera], bounds, x, y, z, delta)
+                rays += said > 0
+                if said == 2:
+                    found = camera
+                    break
+            if found >= 0:
+                marks[which[i], found // 64] |= np.uint64(1) << np.uint64(found % 64)
+                break
     return rays

@@ -40,3 +40,21 @@ def marked(camera, uvs, points, triangles, delta):
         if not np.all(np.isnan(t)):
             result |= t >= np.nanmax(t) - 0.5 * delta
     return result
+
+
+def background(cameras, samples, points, triangles, delta):
+    """[cameras, triangles]: whether a camera has nothing more than delta / 2 behind a sample point of a triangle."""
+    result = np.zeros((len(cameras), len(triangles)), bool)
+    for c, camera in enumerate(cameras):
+        start = np.asarray(camera.pose.position)
+        for i, corners in enumerate(points[triangles].astype(np.float64)):
+            for p, q in samples:
+                at = np.array([p, q, 1 - p - q]) @ corners
+                (u, v), depth = camera.project(at)
+                if not (depth > 0 and 0 <= u < camera.width and 0 <= v < camera.height):
+                    continue
+                distance = np.linalg.norm(at - start)
+                t = hit_distances(start, (at - start) / distance, points, triangles)
+                t[i] = np.nan
+                result[c, i] |= not np.any(t > distance + 0.5 * delta)
+    return result
