@@ -212,7 +212,7 @@ def test_surface_and_rims_together_leave_nothing_out(case, block, tolerance):
     camera, codes, edge, _ = case
     mesh = triangulate(camera, codes, options(camera, edge, tolerance, block, extend_edges=True))
     q = quads(camera, codes, edge)
-    found, cut = coverage(mesh, q), np.broadcast_to(q.cut(), q.rims().shape)
+    found, cut = coverage(mesh, q), q.cut().astype(bool)
     np.testing.assert_array_equal(found[~cut], q.surface()[~cut])
     assert (found[cut] >= q.rims()[cut]).all()
     if tolerance == 0.0:  # no merged triangle reaches half way into a cut quad
