@@ -27,8 +27,8 @@ EYES = {
 }
 
 
-def model_of(cameras, first):
-    settings = Settings(n_init=len(cameras))
+def model_of(cameras, first, **options):
+    settings = Settings(n_init=len(cameras), **options)
     model = BackgroundModel(cameras, settings, Scene.of(cameras, settings, first))
     model.update(first)
     return model
@@ -122,6 +122,27 @@ def test_colours_are_those_seen_there():
     between = Camera("b", Perspective(48, 64, focal, focal, 24.25, 32.0), Pose(), CODING)
     columns = model.render_pbi(between).view.texture.y[32]
     np.testing.assert_allclose(columns, 100 + 6 * (np.arange(48) + 24.25), atol=1)
+
+
+@pytest.mark.parametrize("box_y", [None, 0.2])
+@pytest.mark.parametrize(
+    "projection", [Perspective.from_fov(81, 61, 0.7), Equirectangular(80, 60, (-0.35, 0.35), (-0.25, 0.25))]
+)
+def test_fewer_rays_give_the_same_picture(projection, box_y):
+    cameras = camera_row(1)
+    ramp = np.broadcast_to(np.rint(100 + 6 * (np.arange(96) + 0.5)), (64, 96))
+    seen = see(cameras[0], box_y)
+    model = model_of(cameras, Frame(0, (View(cameras[0], texture_of(ramp), seen.codes),)), baseline_m=0.4)
+    camera = Camera("i", projection, Pose.from_euler((0.3, 0.5, 0.05), -0.1, 0.05, 0.2), CODING)
+    few, all_ = (model.render_pbi(camera, sparse=sparse).view for sparse in (True, False))
+    assert np.any(all_.codes == 0) == (box_y is not None)  # behind the box
+    np.testing.assert_array_equal(few.codes == 0, all_.codes == 0)
+    planes = [(few.codes, all_.codes)]
+    planes += [(getattr(few.texture, p), getattr(all_.texture, p)) for p in ("y", "cb", "cr")]
+    for found, expected in planes:
+        difference = np.abs(found.astype(int) - expected)
+        assert np.mean(difference > 2) <= (0 if box_y is None else 0.002)  # corners of the box, less than a pixel
+        assert np.mean(difference > 1) < 0.005
 
 
 def test_where_nothing_was_seen_there_is_code_0():

@@ -273,8 +273,11 @@ class BackgroundModel:
 
     # What is made of it
 
-    def render_pbi(self, camera: Camera) -> BackgroundImage:
-        """The farthest surfaces seen from a camera (its depth coding must have invalid codes), section 3.4.1."""
+    def render_pbi(self, camera: Camera, *, sparse: bool = True) -> BackgroundImage:
+        """The farthest surfaces seen from a camera (its depth coding must have invalid codes), section 3.4.1.
+
+        `sparse`: between every second pixel rays are cast only where these do not see one plane; else everywhere.
+        """
         if not camera.depth.has_invalid:
             raise ValueError(f"camera {camera.name}: depth coding {camera.depth}: expected one with invalid codes")
         h, w = camera.height, camera.width
@@ -284,7 +287,7 @@ class BackgroundModel:
         render_background(
             self._pbs.intersect, self._pbs.scene, camera.packed(self._origin), self._pbs.bounds,
             coding_row(camera), camera.depth.max_code, self._pbs.surface_table, self._image_table,
-            codes, texture.y, texture.cb, texture.cr,
+            sparse, codes, texture.y, texture.cb, texture.cr,
         )  # fmt: skip
         return BackgroundImage(View(camera, texture, codes))
 

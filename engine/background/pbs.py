@@ -45,9 +45,9 @@ class ProbableBackgroundSurface:
         self.progressive: dict[int, Surface] = {}
         self._camera_count = camera_count
         self._scene = Scene()
-        # Tables that kernels read: addresses of marks and their stride; of triangles and uv, and the camera.
+        # Tables that kernels read: addresses of marks and their stride; of triangles and uv, the camera, of points.
         self.marks_table = np.zeros((2 * camera_count, 2), np.int64)
-        self.surface_table = np.zeros((2 * camera_count, 3), np.int64)
+        self.surface_table = np.zeros((2 * camera_count, 4), np.int64)
         self.intersect = intersect_address()
         self.bounds = np.zeros((2, 3))
 
@@ -93,10 +93,14 @@ class ProbableBackgroundSurface:
 
     def _put(self, geometry: int, camera: int, mesh: Mesh, *, fast_build: bool) -> Surface:
         count = len(mesh.triangles)
-        mesh = Mesh(mesh.points, np.ascontiguousarray(mesh.uv), np.ascontiguousarray(mesh.triangles))
+        mesh = Mesh(
+            np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.uv), np.ascontiguousarray(mesh.triangles)
+        )
         surface = Surface(mesh, np.zeros((count, self.words), np.uint64), np.zeros(count, np.uint8))
         self._scene.set(geometry, mesh.points, mesh.triangles, surface.invalid, fast_build=fast_build)
         self.marks_table[geometry] = surface.marks.ctypes.data, 8 * self.words
-        self.surface_table[geometry] = mesh.triangles.ctypes.data, mesh.uv.ctypes.data, camera
+        self.surface_table[geometry] = (
+            mesh.triangles.ctypes.data, mesh.uv.ctypes.data, camera, mesh.points.ctypes.data
+        )  # fmt: skip
         self.version += 1
         return surface
