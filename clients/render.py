@@ -10,15 +10,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import Progress
-
 from farside.engine.camera import Camera, Perspective
 from farside.engine.pose_trace import read_pose_trace
 from farside.engine.render import (
     PictureWriter,
-    RenderJob,
     Renderer,
+    RenderJob,
     Targets,
     camera_target,
     stereo_target,
@@ -27,6 +24,8 @@ from farside.engine.render import (
 from farside.engine.settings import Settings
 from farside.engine.stereo import StereoView
 from farside.engine.tmiv import Sequence, open_sequence
+from rich.console import Console
+from rich.progress import Progress
 
 __all__ = ["command"]
 

@@ -52,7 +52,7 @@ class DepthCoding:
 
     def disparity(self, codes: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
         """Codes -> disparity in 1/m; nan where a code says "no depth"."""
-        out = self.offset + self.step * np.maximum(codes, self.min_code).astype(np.float64)
+        out: npt.NDArray[np.float64] = self.offset + self.step * np.maximum(codes, self.min_code).astype(np.float64)
         if self.has_invalid:
             out = np.where(codes == 0, np.nan, out)
         return out

@@ -183,7 +183,10 @@ class Engine:
                 report.holes_warped = report.holes_backdrop = hole_fraction(canvas.disparity)
             with _timed(report.stages, "backdrop"):
                 if backdrop is not None:
-                    report.warped += canvas.draw_backdrop(backdrop, front.present, target, len(views), near, self._push())
+                    report.warped += canvas.draw_backdrop(
+                        backdrop, front.present, target, len(views), near, self._push(),
+                        holes_only=not self.settings.overdraw,
+                    )  # fmt: skip
                     report.holes_backdrop = hole_fraction(canvas.disparity)
                     views.append(backdrop)
             with _timed(report.stages, "shade"):

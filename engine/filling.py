@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -30,7 +31,7 @@ def fill(disparity: Plane, planes: tuple[Plane, Plane, Plane]) -> None:
     """
     levels = _levels(*disparity.shape)
     kernels.first_level(disparity, *planes, levels[0])
-    for fine, coarse in zip(levels, levels[1:], strict=False):
+    for fine, coarse in itertools.pairwise(levels):
         kernels.next_level(fine, coarse)
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
         kernels.refine_level(coarse, fine)

@@ -70,10 +70,8 @@ def triangulate(
     kernels.mark_broken(
         codes, mask, keep is not None, coding.has_invalid, options.edge / coding.step, wraps, flags
     )
-    if options.tolerance > 0:
-        block, tolerance = options.max_block, max(options.tolerance / coding.step, _ROUNDING_CODES)
-    else:
-        block, tolerance = 2, -1.0
+    block = max(options.max_block, 2)
+    tolerance = max(options.tolerance / coding.step, _ROUNDING_CODES) if options.tolerance > 0 else -1.0
     rows, columns = math.ceil((h - 1) / block), math.ceil((w - (not wraps)) / block)
     error = np.zeros((rows * block + 1, columns * block + 1), np.float32)
     both = kernels.BOTH if options.extend_edges else kernels.SURFACE
@@ -94,7 +92,7 @@ def triangulate(
     kernels.unproject_vertices(
         codes, camera.packed(origin), coding.offset, coding.step, coding.min_code, vertices, points, uv
     )
-    return Mesh(points, uv, triangles)
+    return Mesh(points, uv, triangles, starts)
 
 
 def _check(name: str, array: npt.NDArray[Any], shape: tuple[int, int], dtype: type) -> None:

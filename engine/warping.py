@@ -7,14 +7,15 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera, Equirectangular, Perspective
 from .frame import Texture, View
-from .kernels import fill as fill_kernels
 from .kernels import composite, rasterise, shade
+from .kernels import fill as fill_kernels
 from .mesh import Mesh
 from .triangulation import TriangulationOptions, triangulate
 
@@ -103,7 +104,7 @@ class Canvas:
         self._band_rows = max(1, math.ceil(height / _BANDS))
         self._counts = np.empty((_CHUNKS, math.ceil(height / self._band_rows)), np.int64)
         self._lists = np.empty(0, np.int32)
-        self._screen = np.empty((0, 4), np.float32)
+        self._screen = np.empty(0, np.float32)
 
     def clear(self) -> None:
         """Forget the last picture's surfaces."""
@@ -143,15 +144,18 @@ class Canvas:
         )
 
     def draw_backdrop(
-        self, backdrop: PreparedView, present: ViewTable, target: Target, number: int, near: float, push: float
-    ) -> int:
+        self, backdrop: PreparedView, present: ViewTable, target: Target, number: int, near: float, push: float,
+        *, holes_only: bool = False,
+    ) -> int:  # fmt: skip
         """Lay a backdrop behind what was drawn, `push` metres farther away than it is (section 3.4.2).
 
-        What one of the present views looks through is a ghost of the past and left out. Returns triangles.
+        What one of the present views looks through is a ghost of the past and left out. With `holes_only` it is
+        drawn only near holes. Returns the number of triangles drawn.
         """
+        tiles = self.hole_tiles() if holes_only else _EVERYWHERE
         self._backdrop.fill(0.0)
         drawn = self._rasterise(
-            backdrop.mesh(), target, number, near, 0.0, push, self._backdrop, self._nobody, _EVERYWHERE
+            backdrop.mesh(), target, number, near, 0.0, push, self._backdrop, self._nobody, tiles
         )
         composite.lay_backdrop(
             self._backdrop, target.packed, present.rows, present.addresses, push, number, self.disparity, self.winner
@@ -162,24 +166,35 @@ class Canvas:
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float, push: float,
         disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8], tiles: npt.NDArray[np.uint8],
     ) -> int:  # fmt: skip
-        if len(mesh.points) > len(self._screen):
-            self._screen = np.empty((len(mesh.points) + len(mesh.points) // 4, 4), np.float32)
-        chunk = math.ceil(len(mesh.triangles) / _CHUNKS)
-        needed = self._counts.size * chunk
-        if needed > len(self._lists):
-            self._lists = np.empty(needed + needed // 4, np.int32)
-        lists = self._lists[:needed].reshape(*self._counts.shape, chunk)
-        screen = self._screen[: len(mesh.points)]
-        camera = target.packed
-        rasterise.transform_points(mesh.points, camera, screen)
+        camera, starts = target.packed, mesh.starts
+        visible = np.empty(len(starts) - 1, np.int64)
+        visible = visible[: rasterise.visible_blocks(mesh.spheres, camera, near, tiles, visible)]
+        if len(visible) == 0:
+            return 0
+        screen = self._room("_screen", len(mesh.points) * 4).reshape(-1, 4)
+        rasterise.transform_points(mesh.points, starts, visible, camera, screen)
+        # Chunks of blocks with about as many triangles each.
+        sums = np.concatenate([[0], np.cumsum(starts[visible + 1, 1] - starts[visible, 1])])
+        shares = np.searchsorted(sums, np.linspace(0, sums[-1], _CHUNKS + 1))
+        shares[0], shares[-1] = 0, len(visible)
+        most = int(np.diff(sums[shares]).max())
+        lists = self._room("_lists", self._counts.size * most).reshape(*self._counts.shape, most)
         rasterise.sort_into_bands(
-            screen, mesh.triangles, camera, near, self._band_rows, tiles, self._counts, lists
-        )
+            screen, mesh.triangles, starts, visible, shares, camera, near, self._band_rows, tiles,
+            self._counts, lists,
+        )  # fmt: skip
         rasterise.draw_bands(
             screen, mesh.triangles, camera, target.columns, target.rows, near, self._band_rows,
             self._counts, lists, number, margin, push, disparity, winner,
         )  # fmt: skip
         return int(self._counts.sum())
+
+    def _room(self, name: str, size: int) -> npt.NDArray[Any]:
+        """A kept buffer of at least `size` elements, cut to that size."""
+        if size > len(getattr(self, name)):
+            setattr(self, name, np.empty(size + size // 4, getattr(self, name).dtype))
+        room: npt.NDArray[Any] = getattr(self, name)[:size]
+        return room
 
     def shade(self, target: Target, views: ViewTable, n_views: int, blend: int) -> None:
         """Colour what was drawn; views after the first n_views are backdrops."""

@@ -113,8 +113,8 @@ def _store(
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float]:
     """Colour between the four nearest cells of a level (their centres at whole numbers), farther surfaces first."""
-    j = min(max(int(math.floor(row)), 0), max(coarse.shape[0] - 2, 0))
-    i = min(max(int(math.floor(column)), 0), max(coarse.shape[1] - 2, 0))
+    j = min(max(math.floor(row), 0), max(coarse.shape[0] - 2, 0))
+    i = min(max(math.floor(column), 0), max(coarse.shape[1] - 2, 0))
     nj, ni = min(j + 1, coarse.shape[0] - 1), min(i + 1, coarse.shape[1] - 1)
     fj, fi = min(max(row - j, 0.0), 1.0), min(max(column - i, 0.0), 1.0)
     farthest = min(min(coarse[j, i, 1], coarse[j, ni, 1]), min(coarse[nj, i, 1], coarse[nj, ni, 1]))

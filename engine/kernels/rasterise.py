@@ -18,7 +18,15 @@ import numpy.typing as npt
 
 from .project import PERSPECTIVE
 
-__all__ = ["TILE", "draw_bands", "mark_hole_tiles", "sort_into_bands", "transform_points"]
+__all__ = [
+    "TILE",
+    "bound_blocks",
+    "draw_bands",
+    "mark_hole_tiles",
+    "sort_into_bands",
+    "transform_points",
+    "visible_blocks",
+]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -31,26 +39,105 @@ _SIDE_PX = 1e-3
 TILE = 8  # pixels
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def transform_points(points: F32, camera: F64, screen: F32) -> None:
-    """Points -> screen [n, 4]: u, v, disparity, and the depth along the view axis (its sign tells what is behind).
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def bound_blocks(points: F32, starts: I64, spheres: F32) -> None:
+    """spheres [b, 4]: a sphere round each block's points, its radius negative where there are none."""
+    for b in range(spheres.shape[0]):
+        low, high = np.full(3, np.float32(np.inf)), np.full(3, np.float32(-np.inf))
+        for i in range(starts[b, 0], starts[b + 1, 0]):
+            for axis in range(3):
+                low[axis] = min(low[axis], points[i, axis])
+                high[axis] = max(high[axis], points[i, axis])
+        if low[0] > high[0]:
+            spheres[b, 0], spheres[b, 1], spheres[b, 2], spheres[b, 3] = 0.0, 0.0, 0.0, -1.0
+            continue
+        radius2 = 0.0
+        for axis in range(3):
+            spheres[b, axis] = 0.5 * (low[axis] + high[axis])
+            radius2 += (0.5 * (float(high[axis]) - float(low[axis]))) ** 2
+        spheres[b, 3] = math.sqrt(radius2) * (1.0 + 1e-5)
 
-    For an equirectangular target screen holds the direction in camera axes instead (x, y, z, unused).
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _sphere_touches_hole(camera: F64, tiles: U8, x: float, y: float, z: float, r: float) -> bool:
+    """Whether the box round a sphere's picture touches a marked tile; the sphere lies before the eye."""
+    width, height = int(camera[1]), int(camera[2])
+    u_low, u_high, v_low, v_high = math.inf, -math.inf, math.inf, -math.inf
+    for k in range(4):
+        inverse = 1.0 / (x - r if k & 1 else x + r)
+        side = -r if k & 2 else r
+        u, v = camera[5] - camera[3] * (y + side) * inverse, camera[6] - camera[4] * (z + side) * inverse
+        u_low, u_high = min(u_low, u), max(u_high, u)
+        v_low, v_high = min(v_low, v), max(v_high, v)
+    if u_high < 0.0 or v_high < 0.0 or u_low > width or v_low > height:
+        return False
+    i0, i1 = int(max(u_low - 1.0, 0.0)) // TILE, int(min(u_high + 1.0, width - 1.0)) // TILE
+    j0, j1 = int(max(v_low - 1.0, 0.0)) // TILE, int(min(v_high + 1.0, height - 1.0)) // TILE
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            if tiles[j, i]:
+                return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def visible_blocks(spheres: F32, camera: F64, near: float, tiles: U8, visible: I64) -> int:
+    """List the blocks that a perspective picture may show (all, for another one); returns their number.
+
+    Unless `tiles` is empty, only those that touch a marked tile.
+    """
+    count = 0
+    perspective = camera[0] == PERSPECTIVE
+    fx, fy, cx, cy = camera[3], camera[4], camera[5], camera[6]
+    for b in range(spheres.shape[0]):
+        r = float(spheres[b, 3])
+        if r < 0.0:
+            continue
+        if perspective:
+            dx, dy, dz = spheres[b, 0] - camera[16], spheres[b, 1] - camera[17], spheres[b, 2] - camera[18]
+            x = camera[7] * dx + camera[10] * dy + camera[13] * dz
+            y = camera[8] * dx + camera[11] * dy + camera[14] * dz
+            z = camera[9] * dx + camera[12] * dy + camera[15] * dz
+            if x + r < near:
+                continue
+            # Distances to the planes u = 0, u = w, v = 0, v = h, positive inside.
+            left = (cx * x - fx * y) / math.hypot(cx, fx)
+            right = ((camera[1] - cx) * x + fx * y) / math.hypot(camera[1] - cx, fx)
+            top = (cy * x - fy * z) / math.hypot(cy, fy)
+            bottom = ((camera[2] - cy) * x + fy * z) / math.hypot(camera[2] - cy, fy)
+            if min(min(left, right), min(top, bottom)) < -r:
+                continue
+            if tiles.size > 0 and x - r > near and not _sphere_touches_hole(camera, tiles, x, y, z, r):
+                continue
+        visible[count] = b
+        count += 1
+    return count
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def transform_points(points: F32, starts: I64, visible: I64, camera: F64, screen: F32) -> None:
+    """Points of visible blocks -> screen [n, 4]: u, v, disparity, and the depth along the view axis.
+
+    The depth's sign tells what is behind. For an equirectangular target screen holds the direction in camera axes
+    instead (x, y, z, unused).
     """
     perspective = camera[0] == PERSPECTIVE
-    for i in numba.prange(points.shape[0]):
-        dx, dy, dz = points[i, 0] - camera[16], points[i, 1] - camera[17], points[i, 2] - camera[18]
-        x = camera[7] * dx + camera[10] * dy + camera[13] * dz
-        y = camera[8] * dx + camera[11] * dy + camera[14] * dz
-        z = camera[9] * dx + camera[12] * dy + camera[15] * dz
-        if perspective:
-            inverse = 1.0 / x
-            screen[i, 0] = camera[5] - camera[3] * y * inverse
-            screen[i, 1] = camera[6] - camera[4] * z * inverse
-            screen[i, 2] = inverse
-            screen[i, 3] = x
-        else:
-            screen[i, 0], screen[i, 1], screen[i, 2], screen[i, 3] = x, y, z, 0.0
+    for k in numba.prange(visible.shape[0]):
+        for i in range(starts[visible[k], 0], starts[visible[k] + 1, 0]):
+            dx, dy, dz = points[i, 0] - camera[16], points[i, 1] - camera[17], points[i, 2] - camera[18]
+            x = camera[7] * dx + camera[10] * dy + camera[13] * dz
+            y = camera[8] * dx + camera[11] * dy + camera[14] * dz
+            z = camera[9] * dx + camera[12] * dy + camera[15] * dz
+            if perspective:
+                # On the eye's plane itself nothing is projected: a hair beside it clipping finds the way back.
+                x = x if abs(x) > 1e-20 else 1e-20
+                inverse = 1.0 / x
+                screen[i, 0] = camera[5] - camera[3] * y * inverse
+                screen[i, 1] = camera[6] - camera[4] * z * inverse
+                screen[i, 2] = inverse
+                screen[i, 3] = x
+            else:
+                screen[i, 0], screen[i, 1], screen[i, 2], screen[i, 3] = x, y, z, 0.0
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -73,6 +160,13 @@ def _rows_perspective(screen: F32, a: int, b: int, c: int, width: int, height: i
     return max(0, int(first)), min(height - 1, int(last))
 
 
+@numba.njit(inline="always", cache=True)
+def _near_in_angle(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> bool:
+    """Whether two directions are less than 45 degrees apart."""
+    dot = ax * bx + ay * by + az * bz
+    return dot > 0.0 and 2.0 * dot * dot > (ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz)
+
+
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _rows_spherical(screen: F32, a: int, b: int, c: int, camera: F64) -> tuple[int, int]:
     """As for a perspective target, in elevation; a triangle round a pole reaches the picture's edge."""
@@ -91,6 +185,8 @@ def _rows_spherical(screen: F32, a: int, b: int, c: int, camera: F64) -> tuple[i
     # A side bulges towards the pole by less than its own length.
     bulge = 0.5 * (max(ta, max(tb, tc)) - min(ta, min(tb, tc))) + 2 * camera[6]
     high, low = max(ta, max(tb, tc)) + bulge, min(ta, min(tb, tc)) - bulge
+    if not (_near_in_angle(ax, ay, az, bx, by, bz) and _near_in_angle(bx, by, bz, cx, cy, cz)):
+        return 0, height - 1
     spread = max(abs(ax * by - ay * bx), max(abs(bx * cy - by * cx), abs(cx * ay - cy * ax)))
     planar = min(ax * ax + ay * ay, min(bx * bx + by * by, cx * cx + cy * cy))
     if spread > 0.05 * planar:  # wide in azimuth: near a pole
@@ -128,34 +224,38 @@ def _touches_hole(screen: F32, a: int, b: int, c: int, tiles: U8, first: int, la
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def sort_into_bands(
-    screen: F32, triangles: I32, camera: F64, near: float, band_rows: int, tiles: U8, counts: I64, lists: I32
-) -> None:
-    """Sort triangles into bands; counts [chunks, bands], lists [chunks, bands, capacity].
+    screen: F32, triangles: I32, starts: I64, visible: I64, shares: I64, camera: F64, near: float, band_rows: int,
+    tiles: U8, counts: I64, lists: I32,
+) -> None:  # fmt: skip
+    """Sort visible blocks' triangles into bands; counts [chunks, bands], lists [chunks, bands, capacity].
+
+    Chunk c takes the visible blocks shares[c] to shares[c + 1] - 1.
 
     Culled are triangles outside the picture, behind the eye or seen from behind and, for a perspective target and
     unless `tiles` is empty, those that touch no marked tile. A triangle over several bands stands in each.
     """
     chunks, bands = counts.shape[0], counts.shape[1]
-    size = (triangles.shape[0] + chunks - 1) // chunks
     width, height = int(camera[1]), int(camera[2])
     perspective = camera[0] == PERSPECTIVE
     for chunk in numba.prange(chunks):
         for band in range(bands):
             counts[chunk, band] = 0
-        for t in range(chunk * size, min((chunk + 1) * size, triangles.shape[0])):
-            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            if perspective:
-                first, last = _rows_perspective(screen, a, b, c, width, height, near)
-            else:
-                first, last = _rows_spherical(screen, a, b, c, camera)
-            if last < first:
-                continue
-            if tiles.size > 0 and perspective and min(screen[a, 3], min(screen[b, 3], screen[c, 3])) >= near:
-                if not _touches_hole(screen, a, b, c, tiles, first, last):
+        for k in range(shares[chunk], shares[chunk + 1]):
+            block = visible[k]
+            for t in range(starts[block, 1], starts[block + 1, 1]):
+                a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+                if perspective:
+                    first, last = _rows_perspective(screen, a, b, c, width, height, near)
+                else:
+                    first, last = _rows_spherical(screen, a, b, c, camera)
+                if last < first:
                     continue
-            for band in range(first // band_rows, last // band_rows + 1):
-                lists[chunk, band, counts[chunk, band]] = t
-                counts[chunk, band] += 1
+                before = perspective and min(screen[a, 3], min(screen[b, 3], screen[c, 3])) >= near
+                if tiles.size > 0 and before and not _touches_hole(screen, a, b, c, tiles, first, last):
+                    continue
+                for band in range(first // band_rows, last // band_rows + 1):
+                    lists[chunk, band, counts[chunk, band]] = t
+                    counts[chunk, band] += 1
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -187,8 +287,8 @@ def _draw_projected(
     q_dv = ((qc - qa) * (ub - ua) - (qb - qa) * (uc - ua)) * inverse
     q_low, q_high = min(qa, min(qb, qc)), max(qa, max(qb, qc))
     low, high = min(va, min(vb, vc)), max(va, max(vb, vc))
-    first = max(first, int(math.ceil(low - 0.5 - _SIDE_PX)))
-    last = min(last, int(math.floor(high - 0.5 + _SIDE_PX)))
+    first = max(first, math.ceil(low - 0.5 - _SIDE_PX))
+    last = min(last, math.floor(high - 0.5 + _SIDE_PX))
     u_low, u_high = min(ua, min(ub, uc)), max(ua, max(ub, uc))
     # u on each side is a + s * v; sides with rising v bound the rows on the left (area < 0), falling ones on the right.
     la, ls, ra, rs = _side(ua, va, ub, vb)
@@ -199,7 +299,7 @@ def _draw_projected(
         v = y + 0.5
         left = max(max(la + ls * v, lb + lt * v), max(lc + lu * v, u_low))
         right = min(min(ra + rs * v, rb + rt * v), min(rc + ru * v, u_high))
-        x0, x1 = max(0, int(math.ceil(left - 0.5))), min(width - 1, int(math.floor(right - 0.5)))
+        x0, x1 = max(0, math.ceil(left - 0.5)), min(width - 1, math.floor(right - 0.5))
         q_row = qa + q_dv * (v - va) - q_du * (ua - 0.5)
         row, winners = disparity[y], winner[y]
         for x in range(x0, x1 + 1):
@@ -277,7 +377,7 @@ def _draw_spherical(
     else:
         x0 = math.ceil((camera[3] - high) / camera[4] - 1.5)
         x1 = math.floor((camera[3] - low) / camera[4] + 0.5)
-    period = int(round(turn / camera[4]))
+    period = round(turn / camera[4])
     for y in range(first, last + 1):
         planar, z = rows[y, 0], rows[y, 1]
         for column in range(x0, x1 + 1):

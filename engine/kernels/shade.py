@@ -23,7 +23,20 @@ from numba.extending import intrinsic
 
 from .project import CAMERA_SIZE, PERSPECTIVE, unproject_point
 
-__all__ = ["EDGE", "OFFSET", "STEP", "TABLE_SIZE", "TOLERANCE", "MIN_CODE", "COLUMNS", "ROWS", "INVALID", "SHARPNESS", "load_texel", "shade"]
+__all__ = [
+    "COLUMNS",
+    "EDGE",
+    "INVALID",
+    "MIN_CODE",
+    "OFFSET",
+    "ROWS",
+    "SHARPNESS",
+    "STEP",
+    "TABLE_SIZE",
+    "TOLERANCE",
+    "load_texel",
+    "shade",
+]
 
 OFFSET = CAMERA_SIZE  # disparity of code 0
 STEP = CAMERA_SIZE + 1  # disparity of a code step
@@ -47,7 +60,7 @@ U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
 
 
-@intrinsic  # type: ignore[misc]
+@intrinsic
 def load_texel(typingctx: Any, address: Any, index: Any) -> Any:
     """The uint16 at address + 2 * index: pictures of different views are reached through one table."""
 

@@ -14,6 +14,7 @@ The diagonal of the square with corner (i, j), in units of its size, goes down-r
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numba
 import numpy as np
@@ -43,7 +44,7 @@ VALID = 16
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _cut(before: int, a: int, b: int, after: int, edge: float, has_invalid: bool) -> bool:
+def _cut(before: int, a: int, b: int, after: int, edge: float, has_invalid: bool) -> Any:
     """Whether no surface joins pixels a and b of four in a row: one is invalid, or a depth edge lies between.
 
     A depth edge is a step that is large and not explained by the slope on either side. Free of branches.
@@ -64,9 +65,10 @@ def _mark_cuts_in_row(
     """Cuts, validity and mask of a row; rows outside the picture are given as their nearest neighbours."""
     w = row.shape[0]
     for x in range(w):
-        a, b = np.int32(row[x]), np.int32(below[x])
-        down = _cut(np.int32(above[x]), a, b, np.int32(below2[x]), edge, has_invalid) & (not last_row)
-        valid = (a != 0) | (not has_invalid)
+        down = _cut(
+            np.int32(above[x]), np.int32(row[x]), np.int32(below[x]), np.int32(below2[x]), edge, has_invalid
+        ) & (not last_row)
+        valid = (row[x] != 0) | (not has_invalid)
         flags[x] = (CUT_DOWN if down else 0) | (VALID if valid else 0)
     for x in range(1, w - 2):
         right = _cut(
@@ -117,13 +119,13 @@ def mark_broken(
     h, w = codes.shape
     threshold = np.float32(edge)
     for row in numba.prange(h):
-        y = np.int64(row)
+        y = int(np.int64(row))
         _mark_cuts_in_row(
             codes[max(y - 1, 0)], codes[y], codes[min(y + 1, h - 1)], codes[min(y + 2, h - 1)],
             keep[y if has_keep else 0], has_keep, has_invalid, threshold, y == h - 1, wraps, flags[y],
         )  # fmt: skip
     for row in numba.prange(h):
-        y = np.int64(row)
+        y = int(np.int64(row))
         broken = np.empty(w, np.uint8)
         _mark_broken_in_row(y == 0, flags[max(y - 1, 0)], flags[y], flags[min(y + 1, h - 1)], broken, wraps)
         for x in range(w):
@@ -163,7 +165,7 @@ def split_errors(codes: U16, flags: U8, block: int, wraps: bool, error: F32) -> 
     while s < block:
         # Middles of the sides of squares of size 2s: exactly one coordinate is odd in units of s.
         for row_ in numba.prange((gh + s - 1) // s):
-            row = np.int64(row_)
+            row = int(np.int64(row_))
             y = row * s
             for x in range(0 if row % 2 else s, gw, 2 * s):
                 c = s // 2
@@ -172,8 +174,8 @@ def split_errors(codes: U16, flags: U8, block: int, wraps: bool, error: F32) -> 
                         a, b = codes[y, x - s], codes[y, x + s]
                     else:
                         a, b = codes[y - s, x], codes[y + s, x]
-                    own = abs(np.float32(codes[y, x]) - np.float32(0.5) * (np.float32(a) + np.float32(b)))
-                    own = np.float32(math.inf) if flags[y, x] & BROKEN else own
+                    own = abs(float(codes[y, x]) - 0.5 * (float(a) + float(b)))
+                    own = math.inf if flags[y, x] & BROKEN else own
                     if s > 1:
                         own += max(
                             max(error[y - c, x - c], error[y - c, x + c]),
@@ -198,15 +200,15 @@ def split_errors(codes: U16, flags: U8, block: int, wraps: bool, error: F32) -> 
                 error[y, 0] = error[y, w] = max(error[y, 0], error[y, w])
         # Centres: both coordinates odd.
         for row_ in numba.prange(gh // (2 * s)):
-            row = np.int64(row_)
+            row = int(np.int64(row_))
             y = (2 * row + 1) * s
             for column in range(gw // (2 * s)):
                 x = (2 * column + 1) * s
                 down = s if (row + column) % 2 == 0 else -s
                 if x < w - s and y < h - s:
                     a, b = codes[y - down, x - s], codes[y + down, x + s]
-                    own = abs(np.float32(codes[y, x]) - np.float32(0.5) * (np.float32(a) + np.float32(b)))
-                    own = np.float32(math.inf) if flags[y, x] & BROKEN else own
+                    own = abs(float(codes[y, x]) - 0.5 * (float(a) + float(b)))
+                    own = math.inf if flags[y, x] & BROKEN else own
                     error[y, x] = own + max(
                         max(error[y - s, x], error[y + s, x]), max(error[y, x - s], error[y, x + s])
                     )
