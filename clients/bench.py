@@ -17,13 +17,22 @@ def command(
         Path | None,
         typer.Option(metavar="FOLDER", help="Sequences whose README has the figures of other renderers."),
     ] = None,
+    ghosts: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Ghosts and holes of the background model over a twin.")
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Size of the twin's pictures.")] = 0.25,
+    frames: Annotated[int, typer.Option(help="Frames of the twin.", min=1)] = 100,
+    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for plots.")] = None,
     quality: Annotated[str, typer.Option(help="fast, balanced or best.")] = "best",
     background: Annotated[bool, typer.Option("--background/--no-background", help="The model.")] = True,
 ) -> None:
     """Measure speed and quality."""
-    if peers is None:
-        raise ValueError("bench: nothing to measure: expected --peers FOLDER")
-    _peers(peers, quality, background)
+    if peers is None and ghosts is None:
+        raise ValueError("bench: nothing to measure: expected --peers FOLDER or --ghosts NAME")
+    if peers is not None:
+        _peers(peers, quality, background)
+    if ghosts is not None:
+        _ghosts(ghosts, scale, frames, quality, report)
 
 
 def _peers(folder: Path, quality: str, background: bool) -> None:
@@ -45,3 +54,35 @@ def _peers(folder: Path, quality: str, background: bool) -> None:
 
 def _figures(peers: dict[str, tuple[float, float]], names: list[str]) -> list[tuple[float, float]]:
     return [peers.get(name, (0.0, 0.0)) for name in names]
+
+
+def _ghosts(name: str, scale: float, frames: int, quality: str, report: Path | None) -> None:
+    from farside.engine.bench.ghosts import inside_cameras, plot_ghosts, watch_ghosts
+    from farside.engine.settings import Settings
+    from farside.engine.synth import make_twin
+
+    console = Console()
+    twin = make_twin(name, scale)
+    cameras = inside_cameras(twin)
+    table = Table(title=f"{name} at scale {scale}, quality {quality}: % of the pixels of {len(cameras)} inside cameras")
+    columns = ("ghosts", "standing", "holes_model", "holes_warped", "holes_backdrop")
+    for column in ("frame", *columns):
+        table.add_column(column.replace("_", " "), justify="right")
+    samples = []
+    every = max(1, frames // 20)
+    for sample in watch_ghosts(twin, cameras, frames, every, Settings.preset(quality)):
+        samples.append(sample)
+        if sample.camera == cameras[-1].name:
+            moment = [s for s in samples if s.frame == sample.frame]
+            means = [100 * sum(getattr(s, column) for s in moment) / len(moment) for column in columns]
+            table.add_row(str(sample.frame), *(f"{mean:.3f}" for mean in means))
+            console.print(f"frame {sample.frame} of {frames}", end="\r")
+    console.print(table)
+    if report is not None:
+        report.mkdir(parents=True, exist_ok=True)
+        path = report / f"ghosts_{name}.png"
+        try:
+            plot_ghosts(samples, f"{name}, scale {scale}, quality {quality}", path)
+            console.print(f"plot: {path}")
+        except ImportError as error:
+            console.print(f"no plot: {error} (pip install farside[plots])")

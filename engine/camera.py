@@ -25,7 +25,8 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Perspective:
-    """Pinhole projection; lengths in pixels. A negative focal length turns the picture by 180 degrees.
+    """Pinhole projection; lengths in pixels. Negative focal lengths turn the picture by 180 degrees,
+    one alone mirrors it.
 
     u = cx - fx y / x and v = cy - fy z / x; the principal point may lie outside the picture.
     """

@@ -73,6 +73,11 @@ class Engine:
         front = self._front
         return front.frame.index if front else None
 
+    @property
+    def model(self) -> BackgroundModel | None:
+        """The background model, for the thread that updates; None before the first frame, or if there is none."""
+        return self._model
+
     def update(
         self,
         frame: Frame,

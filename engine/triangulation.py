@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import threads as _threads  # noqa: F401 (Numba's threading layer, before the first parallel kernel)
-from .camera import Camera, Equirectangular
+from .camera import Camera, Equirectangular, Perspective
 from .kernels import triangulate as kernels
 from .mesh import Mesh
 
@@ -92,6 +92,8 @@ def triangulate(
     kernels.unproject_vertices(
         codes, camera.packed(origin), coding.offset, coding.step, coding.min_code, vertices, points, uv
     )
+    if isinstance(camera.projection, Perspective) and camera.projection.fx * camera.projection.fy < 0:
+        triangles = np.ascontiguousarray(triangles[:, [0, 2, 1]])  # a mirrored picture winds the other way
     return Mesh(points, uv, triangles, starts)
 
 

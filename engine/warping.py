@@ -177,17 +177,18 @@ class Canvas:
         sums = np.concatenate([[0], np.cumsum(starts[visible + 1, 1] - starts[visible, 1])])
         shares = np.searchsorted(sums, np.linspace(0, sums[-1], _CHUNKS + 1))
         shares[0], shares[-1] = 0, len(visible)
+        drawn = np.empty(_CHUNKS, np.int64)
         most = int(np.diff(sums[shares]).max())
         lists = self._room("_lists", self._counts.size * most).reshape(*self._counts.shape, most)
         rasterise.sort_into_bands(
             screen, mesh.triangles, starts, visible, shares, camera, near, self._band_rows, tiles,
-            self._counts, lists,
+            self._counts, lists, drawn,
         )  # fmt: skip
         rasterise.draw_bands(
             screen, mesh.triangles, camera, target.columns, target.rows, near, self._band_rows,
             self._counts, lists, number, margin, push, disparity, winner,
         )  # fmt: skip
-        return int(self._counts.sum())
+        return int(drawn.sum())
 
     def _room(self, name: str, size: int) -> npt.NDArray[Any]:
         """A kept buffer of at least `size` elements, cut to that size."""

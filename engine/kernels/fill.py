@@ -111,8 +111,9 @@ def _store(
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float]:
-    """Colour between the four nearest cells of a level (their centres at whole numbers), farther surfaces first."""
+def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float, float]:
+    """Colour between the four nearest cells of a level (their centres at whole numbers), farther surfaces first, and
+    the farthest of their disparities."""
     j = min(max(math.floor(row), 0), max(coarse.shape[0] - 2, 0))
     i = min(max(math.floor(column), 0), max(coarse.shape[1] - 2, 0))
     nj, ni = min(j + 1, coarse.shape[0] - 1), min(i + 1, coarse.shape[1] - 1)
@@ -128,7 +129,7 @@ def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float
         sum_y += share * coarse[a, b, 2]
         sum_b += share * coarse[a, b, 3]
         sum_r += share * coarse[a, b, 4]
-    return sum_y / total, sum_b / total, sum_r / total
+    return sum_y / total, sum_b / total, sum_r / total, farthest
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
@@ -138,7 +139,7 @@ def refine_level(coarse: F32, fine: F32) -> None:
         for i in range(fine.shape[1]):
             weight = fine[j, i, 0]
             if weight < 1.0:
-                cy, cb, cr = _sample(coarse, 0.5 * np.int64(j) - 0.25, 0.5 * i - 0.25)
+                cy, cb, cr, _ = _sample(coarse, 0.5 * np.int64(j) - 0.25, 0.5 * i - 0.25)
                 fine[j, i, 2] = weight * fine[j, i, 2] + (1.0 - weight) * cy
                 fine[j, i, 3] = weight * fine[j, i, 3] + (1.0 - weight) * cb
                 fine[j, i, 4] = weight * fine[j, i, 4] + (1.0 - weight) * cr
@@ -187,7 +188,7 @@ def fill_holes(
                 if step > 0:
                     farthest = min(farthest, disparity[y + step * dy, x + step * dx])
                     nearest = min(nearest, step)
-            sum_y, sum_b, sum_r = _sample(level, (y + 0.5) / CELL - 0.5, (x + 0.5) / CELL - 0.5)
+            sum_y, sum_b, sum_r, beyond = _sample(level, (y + 0.5) / CELL - 0.5, (x + 0.5) / CELL - 0.5)
             if farthest < np.inf:
                 share, rim_y, rim_b, rim_r = 0.0, 0.0, 0.0, 0.0
                 for k in range(4):
@@ -200,8 +201,10 @@ def fill_holes(
                         rim_y += weight * luma[ny, nx]
                         rim_b += weight * chroma_b[ny, nx]
                         rim_r += weight * chroma_r[ny, nx]
+                # A rim that is nearer than what lies about is the edge of what hides it.
+                own = _worth(farthest, min(farthest, beyond))
                 smooth = (nearest / fade) ** 2
-                rim, smooth = 1.0 / ((1.0 + smooth) * share), smooth / (1.0 + smooth)
+                rim, smooth = own / ((own + smooth) * share), smooth / (own + smooth)
                 sum_y = smooth * sum_y + rim * rim_y
                 sum_b = smooth * sum_b + rim * rim_b
                 sum_r = smooth * sum_r + rim * rim_r

@@ -225,11 +225,11 @@ def _touches_hole(screen: F32, a: int, b: int, c: int, tiles: U8, first: int, la
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def sort_into_bands(
     screen: F32, triangles: I32, starts: I64, visible: I64, shares: I64, camera: F64, near: float, band_rows: int,
-    tiles: U8, counts: I64, lists: I32,
+    tiles: U8, counts: I64, lists: I32, drawn: I64,
 ) -> None:  # fmt: skip
     """Sort visible blocks' triangles into bands; counts [chunks, bands], lists [chunks, bands, capacity].
 
-    Chunk c takes the visible blocks shares[c] to shares[c + 1] - 1.
+    Chunk c takes the visible blocks shares[c] to shares[c + 1] - 1 and counts its triangles in drawn[c].
 
     Culled are triangles outside the picture, behind the eye or seen from behind and, for a perspective target and
     unless `tiles` is empty, those that touch no marked tile. A triangle over several bands stands in each.
@@ -237,13 +237,15 @@ def sort_into_bands(
     chunks, bands = counts.shape[0], counts.shape[1]
     width, height = int(camera[1]), int(camera[2])
     perspective = camera[0] == PERSPECTIVE
+    second = 2 if perspective and camera[3] * camera[4] < 0.0 else 1  # a mirrored picture winds the other way
     for chunk in numba.prange(chunks):
+        drawn[chunk] = 0
         for band in range(bands):
             counts[chunk, band] = 0
         for k in range(shares[chunk], shares[chunk + 1]):
             block = visible[k]
             for t in range(starts[block, 1], starts[block + 1, 1]):
-                a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+                a, b, c = triangles[t, 0], triangles[t, second], triangles[t, 3 - second]
                 if perspective:
                     first, last = _rows_perspective(screen, a, b, c, width, height, near)
                 else:
@@ -253,6 +255,7 @@ def sort_into_bands(
                 before = perspective and min(screen[a, 3], min(screen[b, 3], screen[c, 3])) >= near
                 if tiles.size > 0 and before and not _touches_hole(screen, a, b, c, tiles, first, last):
                     continue
+                drawn[chunk] += 1
                 for band in range(first // band_rows, last // band_rows + 1):
                     lists[chunk, band, counts[chunk, band]] = t
                     counts[chunk, band] += 1
@@ -410,6 +413,7 @@ def draw_bands(
     bands = counts.shape[1]
     height = disparity.shape[0]
     perspective = camera[0] == PERSPECTIVE
+    second = 2 if perspective and camera[3] * camera[4] < 0.0 else 1
     for task in numba.prange(bands):
         # Neighbouring tasks go to one thread: deal the bands out so that each gets some of every region.
         half = (bands + 1) // 2
@@ -418,7 +422,7 @@ def draw_bands(
         for chunk in range(counts.shape[0]):
             for k in range(counts[chunk, band]):
                 t = lists[chunk, band, k]
-                a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+                a, b, c = triangles[t, 0], triangles[t, second], triangles[t, 3 - second]
                 if not perspective:
                     _draw_spherical(
                         screen, a, b, c, camera, columns, rows, first, last,
