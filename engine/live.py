@@ -22,6 +22,7 @@ from .camera import Camera, Pose
 from .export_mesh import ColouredMesh
 from .frame import Frame
 from .stereo import StereoPicture, StereoView
+from .threads import set_thread_count, thread_count
 from .timing import Rate, StallMonitor, Timings
 
 __all__ = ["Core", "HeadPose", "Live", "LiveViewer", "Source"]
@@ -156,12 +157,17 @@ class LiveViewer(Generic[Tag]):
         }
 
 
+def _leave_a_core() -> None:
+    """The back end's kernels leave a core to rendering: a late frame is less noticed than a late picture."""
+    set_thread_count(max(1, thread_count() - 1))
+
+
 class Live(AbstractAsyncContextManager["Live"]):
     """Owns the core, its threads and its tasks; used as an async context manager."""
 
     def __init__(self, make_core: Callable[[Source], Core], *, render_workers: int = 2) -> None:
         self._make_core = make_core
-        self._back_end = ThreadPoolExecutor(1, "farside-back-end")
+        self._back_end = ThreadPoolExecutor(1, "farside-back-end", initializer=_leave_a_core)
         self._front_end = ThreadPoolExecutor(render_workers, "farside-front-end")
         self._exports = ThreadPoolExecutor(1, "farside-export")
         self._tasks: list[asyncio.Task[None]] = []
