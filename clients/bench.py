@@ -70,13 +70,13 @@ def _ghosts(name: str, scale: float, frames: int, quality: str, report: Path | N
         table.add_column(column.replace("_", " "), justify="right")
     samples = []
     every = max(1, frames // 20)
-    for sample in watch_ghosts(twin, cameras, frames, every, Settings.preset(quality)):
+    for sample in watch_ghosts(twin, cameras, range(frames), every, Settings.preset(quality)):
         samples.append(sample)
         if sample.camera == cameras[-1].name:
             moment = [s for s in samples if s.frame == sample.frame]
             means = [100 * sum(getattr(s, column) for s in moment) / len(moment) for column in columns]
             table.add_row(str(sample.frame), *(f"{mean:.3f}" for mean in means))
-            console.print(f"frame {sample.frame} of {frames}", end="\r")
+            console.log(f"frame {sample.frame} of {frames}")
     console.print(table)
     if report is not None:
         report.mkdir(parents=True, exist_ok=True)

@@ -79,6 +79,11 @@ class BackgroundModel:
         """The culling tolerance in metres, as set or as it followed from the first frame."""
         return self._tolerances.delta_m
 
+    @property
+    def mesh_tolerance(self) -> float:
+        """How far its triangles may be from the depth that was seen, as disparity, 1/m."""
+        return max(max(o.tolerance, c.depth.step) for o, c in zip(self._options, self.cameras, strict=True))
+
     def counts(self) -> dict[str, int]:
         """Triangles: s_pbs (all of the S-PBS), s_pbs_valid (those not culled), p_pbs (valid ones)."""
         with self._lock:
