@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -85,6 +85,19 @@ class ViewTable:
         self.views = tuple(views)
         self.rows = np.stack([view.table_row for view in views])
         self.addresses = np.stack([view.addresses for view in views])
+
+
+class _Kernels(NamedTuple):
+    transform: Callable[..., None]
+    sort: Callable[..., None]
+    draw: Callable[..., None]
+
+
+_PARALLEL = _Kernels(rasterise.transform_points, rasterise.sort_into_bands, rasterise.draw_bands)
+_SERIAL = _Kernels(
+    rasterise.transform_points_serially, rasterise.sort_into_bands_serially, rasterise.draw_bands_serially
+)
+_FEW = 4000  # points and triangles below which threads cost more than they bring
 
 
 class Canvas:
@@ -171,8 +184,9 @@ class Canvas:
         visible = visible[: rasterise.visible_blocks(mesh.spheres, camera, near, tiles, visible)]
         if len(visible) == 0:
             return 0
+        kernels = _SERIAL if (starts[visible + 1] - starts[visible]).sum() < _FEW else _PARALLEL
         screen = self._room("_screen", len(mesh.points) * 4).reshape(-1, 4)
-        rasterise.transform_points(mesh.points, starts, visible, camera, screen)
+        kernels.transform(mesh.points, starts, visible, camera, screen)
         # Chunks of blocks with about as many triangles each.
         sums = np.concatenate([[0], np.cumsum(starts[visible + 1, 1] - starts[visible, 1])])
         shares = np.searchsorted(sums, np.linspace(0, sums[-1], _CHUNKS + 1))
@@ -180,11 +194,11 @@ class Canvas:
         drawn = np.empty(_CHUNKS, np.int64)
         most = int(np.diff(sums[shares]).max())
         lists = self._room("_lists", self._counts.size * most).reshape(*self._counts.shape, most)
-        rasterise.sort_into_bands(
+        kernels.sort(
             screen, mesh.triangles, starts, visible, shares, camera, near, self._band_rows, tiles,
             self._counts, lists, drawn,
         )  # fmt: skip
-        rasterise.draw_bands(
+        kernels.draw(
             screen, mesh.triangles, camera, target.columns, target.rows, near, self._band_rows,
             self._counts, lists, number, margin, push, disparity, winner,
         )  # fmt: skip

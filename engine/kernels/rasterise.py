@@ -22,9 +22,12 @@ __all__ = [
     "TILE",
     "bound_blocks",
     "draw_bands",
+    "draw_bands_serially",
     "mark_hole_tiles",
     "sort_into_bands",
+    "sort_into_bands_serially",
     "transform_points",
+    "transform_points_serially",
     "visible_blocks",
 ]
 
@@ -114,8 +117,7 @@ def visible_blocks(spheres: F32, camera: F64, near: float, tiles: U8, visible: I
     return count
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def transform_points(points: F32, starts: I64, visible: I64, camera: F64, screen: F32) -> None:
+def _transform_points(points: F32, starts: I64, visible: I64, camera: F64, screen: F32) -> None:
     """Points of visible blocks -> screen [n, 4]: u, v, disparity, and the depth along the view axis.
 
     The depth's sign tells what is behind. For an equirectangular target screen holds the direction in camera axes
@@ -138,6 +140,11 @@ def transform_points(points: F32, starts: I64, visible: I64, camera: F64, screen
                 screen[i, 3] = x
             else:
                 screen[i, 0], screen[i, 1], screen[i, 2], screen[i, 3] = x, y, z, 0.0
+
+
+# One thread is quicker where there is little to draw.
+transform_points = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy", fastmath={"contract"})(_transform_points)
+transform_points_serially = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(_transform_points)
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -222,8 +229,7 @@ def _touches_hole(screen: F32, a: int, b: int, c: int, tiles: U8, first: int, la
     return False
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def sort_into_bands(
+def _sort_into_bands(
     screen: F32, triangles: I32, starts: I64, visible: I64, shares: I64, camera: F64, near: float, band_rows: int,
     tiles: U8, counts: I64, lists: I32, drawn: I64,
 ) -> None:  # fmt: skip
@@ -259,6 +265,11 @@ def sort_into_bands(
                 for band in range(first // band_rows, last // band_rows + 1):
                     lists[chunk, band, counts[chunk, band]] = t
                     counts[chunk, band] += 1
+
+
+# One thread is quicker where there is little to draw.
+sort_into_bands = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_sort_into_bands)
+sort_into_bands_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_sort_into_bands)
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -402,8 +413,7 @@ def _draw_spherical(
                     winner[y, x] = view
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def draw_bands(
+def _draw_bands(
     screen: F32, triangles: I32, camera: F64, columns: F32, rows: F32, near: float, band_rows: int,
     counts: I64, lists: I32, view: int, margin: float, push: float, disparity: F32, winner: U8,
 ) -> None:  # fmt: skip
@@ -438,3 +448,8 @@ def draw_bands(
                         screen[c, 0], screen[c, 1], screen[c, 2],
                         first, last, view, margin, push, disparity, winner,
                     )  # fmt: skip
+
+
+# One thread is quicker where there is little to draw.
+draw_bands = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_draw_bands)
+draw_bands_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_draw_bands)

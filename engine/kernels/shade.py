@@ -90,6 +90,16 @@ def _atan2(y: float, x: float) -> float:
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
 def _unproject_row(camera: F64, y: int, disparity: F32, points: F64) -> None:
     """points [3, w] of a row's pixels, relative to the scene origin; of holes, at depth 1."""
+    if camera[0] == PERSPECTIVE:  # free of branches and calls, so that it compiles to vector instructions
+        fx, cx, z = 1.0 / camera[3], camera[5], (camera[6] - (y + 0.5)) / camera[4]
+        for x in range(disparity.shape[0]):
+            q = disparity[x]
+            depth = 1.0 / (q if q > 0.0 else np.float32(1.0))
+            side, up = (cx - (x + 0.5)) * fx * depth, z * depth
+            points[0, x] = camera[7] * depth + camera[8] * side + camera[9] * up + camera[16]
+            points[1, x] = camera[10] * depth + camera[11] * side + camera[12] * up + camera[17]
+            points[2, x] = camera[13] * depth + camera[14] * side + camera[15] * up + camera[18]
+        return
     for x in range(disparity.shape[0]):
         q = disparity[x]
         points[0, x], points[1, x], points[2, x] = unproject_point(
@@ -226,24 +236,55 @@ def _fetch(
     return luma, float(load_texel(addresses[k, 2], at)), float(load_texel(addresses[k, 3], at)), min(share, 1.0)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _gather_row(
     table: F64, addresses: I64, k: int, blend: int, images: F64, weights: F64, taken: U8, sums: F64
 ) -> int:
     """Add view k to the row's sums [4, w] (weight, y, cb, cr) where it agrees; returns the pixels thus finished."""
     finished = 0
+    us, vs, codes, weight, ys, bs, rs = images[0], images[1], images[2], sums[0], sums[1], sums[2], sums[3]
+    width, height, half = int(table[k, 1]), int(table[k, 2]), (int(table[k, 1]) + 1) // 2
+    edge, tolerance, lowest = table[k, EDGE], table[k, TOLERANCE], table[k, INVALID]
+    depth, luma, chroma_b, chroma_r = addresses[k, 0], addresses[k, 1], addresses[k, 2], addresses[k, 3]
     for x in range(taken.shape[0]):
-        if taken[x] >= blend or images[2, x] == OUTSIDE:
+        code = codes[x]
+        if taken[x] >= blend or code == OUTSIDE:
             continue
-        cy, cb, cr, share = _fetch(table, addresses, k, images[0, x], images[1, x], images[2, x], False)
-        if share > 0.0:
-            weight = share * weights[x]
-            sums[0, x] += weight
-            sums[1, x] += weight * cy
-            sums[2, x] += weight * cb
-            sums[3, x] += weight * cr
-            taken[x] += 1
-            finished += taken[x] == blend
+        u, v = us[x] - 0.5, vs[x] - 0.5
+        # The common case first: four texels of one surface, well inside the picture.
+        plain = (u >= 0.0) & (v >= 0.0) & (u < width - 1) & (v < height - 1)
+        if plain:
+            x0, y0 = int(u), int(v)
+            at = y0 * width + x0
+            ca, cb = load_texel(depth, at), load_texel(depth, at + 1)
+            cc, cd = load_texel(depth, at + width), load_texel(depth, at + width + 1)
+            low, high = min(min(ca, cb), min(cc, cd)), max(max(ca, cb), max(cc, cd))
+            plain = (high - low <= edge) & (low >= lowest)
+        if plain:
+            fx, fy = u - x0, v - y0
+            top, bottom = ca + fx * (cb - ca), cc + fx * (cd - cc)
+            if abs(top + fy * (bottom - top) - code) > tolerance:
+                continue
+            ya, yb = load_texel(luma, at), load_texel(luma, at + 1)
+            yc, yd = load_texel(luma, at + width), load_texel(luma, at + width + 1)
+            top, bottom = ya + fx * (yb - ya), yc + fx * (yd - yc)
+            share = weights[x]
+            middle = (int(v + 0.5) >> 1) * half + (int(u + 0.5) >> 1)
+            weight[x] += share
+            ys[x] += share * (top + fy * (bottom - top))
+            bs[x] += share * load_texel(chroma_b, middle)
+            rs[x] += share * load_texel(chroma_r, middle)
+        else:
+            y, b, r, share = _fetch(table, addresses, k, us[x], vs[x], code, False)
+            if share <= 0.0:
+                continue
+            share *= weights[x]
+            weight[x] += share
+            ys[x] += share * y
+            bs[x] += share * b
+            rs[x] += share * r
+        taken[x] += 1
+        finished += taken[x] == blend
     return finished
 
 
