@@ -32,7 +32,7 @@ I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 
 # What is made: the surface, which ends at the centres of pixels at depth edges; the rims, which are what is left of
-# those pixels' squares; or both, which share half a quad at most where a merged triangle reaches into a cut one.
+# those pixels' squares; or both, which share at most half a quad where a merged triangle reaches into a cut one.
 SURFACE, RIMS, BOTH = 0, 1, 2
 
 # Bits of a pixel's flags.
@@ -156,45 +156,81 @@ def _error_at(error: F32, x: int, y: int) -> float:
     return error[y, x]
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _any_kept(flags: U8, x0: int, y0: int, x1: int, y1: int) -> bool:
+    """Whether a pixel of the rectangle is kept, its last column and row included (round the seam, if beyond)."""
+    w = flags.shape[1]
+    found = np.uint8(0)
+    for y in range(y0, min(y1, flags.shape[0] - 1) + 1):
+        for x in range(x0, min(x1, w - 1) + 1):
+            found |= flags[y, x]
+        found |= flags[y, x1 % w]
+    return (found & KEPT) != 0
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _needed_blocks(flags: U8, block: int, rows: int, columns: int, wraps: bool) -> U8:
+    """Which blocks [rows + 1, columns + 1] hold vertices of blocks with kept pixels: their own, or on the sides to
+    the left and above."""
+    needed = np.zeros((rows + 1, columns + 1), np.uint8)
+    for i in range(rows):
+        for j in range(columns):
+            if _any_kept(flags, j * block, i * block, (j + 1) * block, (i + 1) * block):
+                needed[i : i + 2, j : j + 2] = 1
+                if wraps and j == columns - 1:
+                    needed[i : i + 2, 0] = 1
+                if wraps and j == 0:
+                    needed[i : i + 2, columns - 1 :] = 1
+    return needed
+
+
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def split_errors(codes: U16, flags: U8, block: int, wraps: bool, error: F32) -> None:
-    """Fill error [rows * block + 1, columns * block + 1] (see the module's text), in depth codes."""
+    """Fill error [rows * block + 1, columns * block + 1] (see the module's text), in depth codes.
+
+    Left as it is where no pixel is kept.
+    """
     h, w = codes.shape
     gh, gw = error.shape
+    needed = _needed_blocks(flags, block, gh // block, gw // block, wraps)
     s = 1
     while s < block:
         # Middles of the sides of squares of size 2s: exactly one coordinate is odd in units of s.
         for row_ in numba.prange((gh + s - 1) // s):
             row = int(np.int64(row_))
             y = row * s
-            for x in range(0 if row % 2 else s, gw, 2 * s):
-                c = s // 2
-                if s <= x < w - s and s <= y < h - s:  # well inside: no index needs a check
+            for column in range(needed.shape[1]):
+                if needed[y // block, column] == 0:
+                    continue
+                first = column * block + (0 if row % 2 else s)
+                for x in range(first, min((column + 1) * block, gw), 2 * s):
+                    c = s // 2
+                    if s <= x < w - s and s <= y < h - s:  # well inside: no index needs a check
+                        if row % 2 == 0:
+                            a, b = codes[y, x - s], codes[y, x + s]
+                        else:
+                            a, b = codes[y - s, x], codes[y + s, x]
+                        own = abs(float(codes[y, x]) - 0.5 * (float(a) + float(b)))
+                        own = math.inf if flags[y, x] & BROKEN else own
+                        if s > 1:
+                            own += max(
+                                max(error[y - c, x - c], error[y - c, x + c]),
+                                max(error[y + c, x - c], error[y + c, x + c]),
+                            )
+                        error[y, x] = own
+                        continue
                     if row % 2 == 0:
-                        a, b = codes[y, x - s], codes[y, x + s]
+                        own = _deviation(codes, x, y, x - s, y, x + s, y, w, h, wraps)
                     else:
-                        a, b = codes[y - s, x], codes[y + s, x]
-                    own = abs(float(codes[y, x]) - 0.5 * (float(a) + float(b)))
-                    own = math.inf if flags[y, x] & BROKEN else own
+                        own = _deviation(codes, x, y, x, y - s, x, y + s, w, h, wraps)
+                    if y < h and (x < w or wraps) and flags[y, x % w] & BROKEN:
+                        own = math.inf
                     if s > 1:
                         own += max(
-                            max(error[y - c, x - c], error[y - c, x + c]),
-                            max(error[y + c, x - c], error[y + c, x + c]),
+                            max(_error_at(error, x - c, y - c), _error_at(error, x + c, y - c)),
+                            max(_error_at(error, x - c, y + c), _error_at(error, x + c, y + c)),
                         )
                     error[y, x] = own
-                    continue
-                if row % 2 == 0:
-                    own = _deviation(codes, x, y, x - s, y, x + s, y, w, h, wraps)
-                else:
-                    own = _deviation(codes, x, y, x, y - s, x, y + s, w, h, wraps)
-                if y < h and (x < w or wraps) and flags[y, x % w] & BROKEN:
-                    own = math.inf
-                if s > 1:
-                    own += max(
-                        max(_error_at(error, x - c, y - c), _error_at(error, x + c, y - c)),
-                        max(_error_at(error, x - c, y + c), _error_at(error, x + c, y + c)),
-                    )
-                error[y, x] = own
         if wraps and w < gw:  # the first and the last column are the same pixels
             for y in range(0, gh, s):
                 error[y, 0] = error[y, w] = max(error[y, 0], error[y, w])
@@ -202,24 +238,26 @@ def split_errors(codes: U16, flags: U8, block: int, wraps: bool, error: F32) -> 
         for row_ in numba.prange(gh // (2 * s)):
             row = int(np.int64(row_))
             y = (2 * row + 1) * s
-            for column in range(gw // (2 * s)):
-                x = (2 * column + 1) * s
-                down = s if (row + column) % 2 == 0 else -s
-                if x < w - s and y < h - s:
-                    a, b = codes[y - down, x - s], codes[y + down, x + s]
-                    own = abs(float(codes[y, x]) - 0.5 * (float(a) + float(b)))
-                    own = math.inf if flags[y, x] & BROKEN else own
-                    error[y, x] = own + max(
+            for column in range(needed.shape[1]):
+                if needed[y // block, column] == 0:
+                    continue
+                for x in range(column * block + s, min((column + 1) * block, gw), 2 * s):
+                    down = s if (row + x // (2 * s)) % 2 == 0 else -s
+                    if x < w - s and y < h - s:
+                        a, b = codes[y - down, x - s], codes[y + down, x + s]
+                        own = abs(float(codes[y, x]) - 0.5 * (float(a) + float(b)))
+                        own = math.inf if flags[y, x] & BROKEN else own
+                        error[y, x] = own + max(
+                            max(error[y - s, x], error[y + s, x]), max(error[y, x - s], error[y, x + s])
+                        )
+                        continue
+                    own = _deviation(codes, x, y, x - s, y - down, x + s, y + down, w, h, wraps)
+                    if y < h and (x < w or wraps) and flags[y, x % w] & BROKEN:
+                        own = math.inf
+                    own += max(
                         max(error[y - s, x], error[y + s, x]), max(error[y, x - s], error[y, x + s])
                     )
-                    continue
-                own = _deviation(codes, x, y, x - s, y - down, x + s, y + down, w, h, wraps)
-                if y < h and (x < w or wraps) and flags[y, x % w] & BROKEN:
-                    own = math.inf
-                own += max(
-                    max(error[y - s, x], error[y + s, x]), max(error[y, x - s], error[y, x + s])
-                )
-                error[y, x] = own
+                    error[y, x] = own
         s *= 2
 
 
@@ -397,6 +435,10 @@ def count_block_triangles(
     nothing = np.empty((0, 6), np.int32)
     no_triangles = np.empty((0, 3), np.int32)
     for b in numba.prange(counts.shape[0]):
+        x, y = b % columns * block, b // columns * block
+        if not _any_kept(flags, x, y, x + block, y + block):
+            counts[b, 0], counts[b, 1] = 0, 0
+            continue
         table = np.empty((block + 1) * (block + 1), np.int32)
         counts[b, 0], counts[b, 1] = _walk_block(
             flags, error, tolerance, block, b % columns, b // columns, wraps, parts,
@@ -412,6 +454,8 @@ def emit_block_triangles(
     """Fill vertices [n, 6] (twice u and v, then two pixels whose codes are averaged) and triangles [m, 3]."""
     columns = (error.shape[1] - 1) // block
     for b in numba.prange(starts.shape[0] - 1):
+        if starts[b + 1, 1] == starts[b, 1]:
+            continue
         table = np.empty((block + 1) * (block + 1), np.int32)
         _walk_block(
             flags, error, tolerance, block, b % columns, b // columns, wraps, parts,
