@@ -148,16 +148,10 @@ class BackgroundModel:
             earlier.append(views[c])
 
     def _triangulate(self, c: int, codes: npt.NDArray[np.uint16], keep: npt.NDArray[np.uint8] | None) -> Mesh:
-        """A camera's mesh with the rims of its surfaces: a gap of a pixel between someone and the wall would be a
-        hole in the background, and let rays through to what is behind."""
-        camera, options = self.cameras[c], self._options[c]
-        surface = triangulate(camera, codes, options, origin=self._origin, keep=keep)
-        rims = triangulate(camera, codes, options, origin=self._origin, keep=keep, rims=True)
-        return Mesh(
-            np.concatenate([surface.points, rims.points]),
-            np.concatenate([surface.uv, rims.uv]),
-            np.concatenate([surface.triangles, rims.triangles + np.int32(len(surface.points))]),
-        )
+        """A camera's mesh whose pixels keep their squares at depth edges: a gap of a pixel between someone and the wall
+        would be a hole in the background, and let rays through to what is behind."""
+        options = dataclasses.replace(self._options[c], extend_edges=True)
+        return triangulate(self.cameras[c], codes, options, origin=self._origin, keep=keep)
 
     # Every later frame (section 3.3.3)
 
