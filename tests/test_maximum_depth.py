@@ -43,6 +43,18 @@ def test_updates_are_those_of_the_slow_twin(size, has_invalid, bits):
         image.updated[:] = image.provisional[:] = 0  # colours that are taken later have their own tests
 
 
+@pytest.mark.parametrize("size", [(150, 30), (3, 2)])
+def test_colours_beside_something_nearer_are_provisional(size):
+    coding = DepthCoding(0.5, 20.0, 16, True)
+    view = random_view(Camera("c", Perspective.from_fov(*size, 1.0), Pose(), coding), 3)
+    image = MaximumDepthImage(view, TOLERANCES, edge=20000 * coding.step)
+    padded = np.pad(view.codes.astype(int), 1, mode="edge")
+    h, w = view.codes.shape
+    nearest = np.max([padded[y : y + h, x : x + w] for y in range(3) for x in range(3)], axis=0)
+    np.testing.assert_array_equal(image.provisional != 0, nearest > view.codes.astype(int) + 20000)
+    assert 0 < np.mean(image.provisional) < 1
+
+
 def test_the_same_view_again_changes_nothing():
     view = see(camera_row(1)[0], box_y=0.0)
     image = MaximumDepthImage(view, TOLERANCES, edge=0.1)

@@ -55,10 +55,24 @@ def prepare_maximum_depth(codes: U16, rules: F64, limits: U16, provisional: U8) 
 
     rules: offset, step, smallest valid code (0 or 1), margins in metres and 1/m, depth edge in codes.
     """
-    for row in numba.prange(codes.shape[0]):
-        for x in range(codes.shape[1]):
-            limits[row, x] = _limit(codes[row, x], rules)
-            provisional[row, x] = _beside_nearer(codes, row, x, int(rules[5]))
+    h, w = codes.shape
+    by_code = np.empty(65536, np.uint16)
+    for code in numba.prange(65536):
+        by_code[code] = _limit(code, rules)
+    for row in numba.prange(h):
+        y = np.int64(row)
+        for x in range(w):
+            limits[y, x] = by_code[codes[y, x]]
+        nearest = np.empty(w, np.uint16)  # of a pixel, the one above and the one below
+        above, below = codes[max(y - 1, 0)], codes[min(y + 1, h - 1)]
+        for x in range(w):
+            nearest[x] = max(max(above[x], below[x]), codes[y, x])
+        edge = np.int32(rules[5])
+        provisional[y, 0] = _beside_nearer(codes, y, 0, edge)
+        provisional[y, w - 1] = _beside_nearer(codes, y, w - 1, edge)
+        for x in range(1, w - 1):
+            around = max(max(nearest[x - 1], nearest[x]), nearest[x + 1])
+            provisional[y, x] = np.int32(around) > np.int32(codes[y, x]) + edge
 
 
 @numba.njit(inline="always", cache=True)
