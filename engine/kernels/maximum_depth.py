@@ -60,7 +60,7 @@ def prepare_maximum_depth(codes: U16, rules: F64, limits: U16, provisional: U8) 
     for code in numba.prange(65536):
         by_code[code] = _limit(code, rules)
     for row in numba.prange(h):
-        y = np.int64(row)
+        y = int(np.int64(row))
         for x in range(w):
             limits[y, x] = by_code[codes[y, x]]
         nearest = np.empty(w, np.uint16)  # of a pixel, the one above and the one below
