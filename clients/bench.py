@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from PIL import Image
 from rich.console import Console
+from rich.progress import Progress
 from rich.table import Table
 
 __all__ = ["command"]
@@ -20,17 +22,25 @@ def command(
     ghosts: Annotated[
         str | None, typer.Option(metavar="NAME", help="Ghosts and holes of the background model over a twin.")
     ] = None,
-    scale: Annotated[float, typer.Option(help="Size of the twin's pictures.")] = 0.25,
-    frames: Annotated[int, typer.Option(help="Frames of the twin.", min=1)] = 100,
+    model: Annotated[
+        Path | None,
+        typer.Option(metavar="SEQ", help="Few views with the model against few and all views without, by ground truth."),
+    ] = None,
+    views: Annotated[int, typer.Option(help="What --model calls few views.", min=1)] = 5,
+    every: Annotated[int, typer.Option(help="Look at every so many frames (--model).", min=1)] = 12,
+    scale: Annotated[float, typer.Option(help="Size of the twin's pictures (--ghosts).")] = 0.25,
+    frames: Annotated[int, typer.Option(help="Frames to play, at most.", min=1)] = 100,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for plots.")] = None,
     quality: Annotated[str, typer.Option(help="fast, balanced or best.")] = "best",
     background: Annotated[bool, typer.Option("--background/--no-background", help="The model.")] = True,
 ) -> None:
     """Measure speed and quality."""
-    if peers is None and ghosts is None:
-        raise ValueError("bench: nothing to measure: expected --peers FOLDER or --ghosts NAME")
+    if peers is None and ghosts is None and model is None:
+        raise ValueError("bench: nothing to measure: expected --peers FOLDER, --model SEQ or --ghosts NAME")
     if peers is not None:
         _peers(peers, quality, background)
+    if model is not None:
+        _model(model, frames, every, quality, views, report)
     if ghosts is not None:
         _ghosts(ghosts, scale, frames, quality, report)
 
@@ -54,6 +64,38 @@ def _peers(folder: Path, quality: str, background: bool) -> None:
 
 def _figures(peers: dict[str, tuple[float, float]], names: list[str]) -> list[tuple[float, float]]:
     return [peers.get(name, (0.0, 0.0)) for name in names]
+
+
+def _model(folder: Path, frames: int, every: int, quality: str, views: int, report: Path | None) -> None:
+    from farside.engine.bench.background import compare_model, hole_picture, inside_rig, summarise
+    from farside.engine.tmiv import open_sequence
+
+    sequence = open_sequence(folder)
+    cameras, count = inside_rig(sequence), min(frames, sequence.frame_count)
+    if not cameras:
+        raise ValueError(f"{folder}: no virtual camera with ground truth stands inside the rig")
+    samples = []
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task("comparing", total=len(cameras) * 3 * -(-count // every))
+        for sample in compare_model(sequence, cameras, count, every, quality, views):
+            samples.append(sample)
+            bar.advance(task)
+    # After the second second, or the later half of something shorter.
+    settled = min(int(2 * sequence.fps), count // 2)
+    table = Table(title=f"{sequence.name}, quality {quality}: {views} views with the model, {views} and all without")
+    columns = ("camera", "with, IV-PSNR", "without", "all views", "worst loss", "holes without", "holes with", "all")
+    for column in columns:
+        table.add_column(column, justify="right")
+    for row in summarise(samples, settled):
+        figures = (f"{row[mode]:.2f}" for mode in ("model", "few", "all"))
+        holes = (f"{100 * float(row[key]):.3f} %" for key in ("holes_warped", "holes_backdrop", "holes_all"))
+        table.add_row(str(row["camera"]), *figures, f"{row['worst_loss']:.2f}", *holes)
+    Console(width=120).print(table)
+    if report is not None:
+        report.mkdir(parents=True, exist_ok=True)
+        worst = max(samples, key=lambda sample: sample.holes_warped * (sample.mode == "model"))
+        picture = hole_picture(sequence, worst.camera, worst.frame, quality, views)
+        Image.fromarray(picture).save(report / "holes.png")
 
 
 def _ghosts(name: str, scale: float, frames: int, quality: str, report: Path | None) -> None:

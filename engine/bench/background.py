@@ -7,14 +7,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from ..camera import Equirectangular
+from ..colour import to_rgb
 from ..engine import Engine
 from ..metrics import iv_psnr, psnr
 from ..settings import Settings
 from ..tmiv import Sequence as TmivSequence
 
-__all__ = ["MODES", "ModelSample", "compare_model", "inside_rig", "summarise"]
+__all__ = ["MODES", "ModelSample", "compare_model", "hole_picture", "inside_rig", "summarise"]
 
 # Few views with the model, few views without, all views without.
 MODES = ("model", "few", "all")
@@ -104,3 +106,21 @@ def summarise(samples: Sequence[ModelSample], settled: int) -> list[dict[str, fl
             }
         )
     return rows
+
+
+def hole_picture(
+    sequence: TmivSequence, camera: str, frame: int, quality: str, views: int
+) -> npt.NDArray[np.uint8]:  # [h, 2 w, 3]
+    """A virtual camera at a frame from few views: without the model, beside it with it; holes in light blue."""
+    rig, target = [sequence.camera(name) for name in sequence.source_names], sequence.camera(camera, frame)
+    settings = Settings.preset(quality, n_render=views, fill=False)
+    engine = Engine(rig, settings, f_vin=sequence.fps)
+    for index in range(frame + 1):
+        engine.update(sequence.frame(index), {camera: target} if index == frame else None)
+    halves = []
+    for viewer in (None, camera):  # a viewer has a backdrop, nobody has none
+        picture = engine.render_camera(target, viewer)
+        rgb = to_rgb(picture.texture)
+        rgb[picture.holes()] = (150, 215, 255)
+        halves.append(rgb)
+    return np.concatenate(halves, axis=1)

@@ -143,8 +143,12 @@ def _transform_points(points: F32, starts: I64, visible: I64, camera: F64, scree
 
 
 # One thread is quicker where there is little to draw.
-transform_points = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy", fastmath={"contract"})(_transform_points)
-transform_points_serially = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(_transform_points)
+transform_points = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy", fastmath={"contract"})(
+    _transform_points
+)
+transform_points_serially = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(
+    _transform_points
+)
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
