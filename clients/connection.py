@@ -33,6 +33,11 @@ class RefusedError(ValueError):
     """The server did not take what was sent, and says why."""
 
 
+# A large message goes in fragments: asyncio moves what is left of a write each time that a part of it is sent,
+# which takes time in the square of its length.
+FRAGMENT_BYTES = 1 << 18
+
+
 class Peer:
     """An open connection after the greeting."""
 
@@ -46,7 +51,11 @@ class Peer:
     async def send_bytes(self, data: bytes) -> None:
         """Send a message that is encoded already."""
         try:
-            await self._socket.send(data)
+            if len(data) <= FRAGMENT_BYTES:
+                await self._socket.send(data)
+            else:
+                view = memoryview(data)
+                await self._socket.send([view[i : i + FRAGMENT_BYTES] for i in range(0, len(data), FRAGMENT_BYTES)])
         except ConnectionClosed as error:
             raise await self._closed(error) from error
 
