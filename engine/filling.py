@@ -13,6 +13,7 @@ from .kernels import fill as kernels
 __all__ = ["fill", "hole_fraction"]
 
 _FADE_PX = 8.0  # how far structure is carried into a hole before it fades into something smooth
+_FEW = 50_000  # elements of a level below which threads cost more than they bring
 
 Plane = npt.NDArray[np.float32]
 
@@ -32,9 +33,9 @@ def fill(disparity: Plane, planes: tuple[Plane, Plane, Plane]) -> None:
     levels = _levels(*disparity.shape)
     kernels.first_level(disparity, *planes, levels[0])
     for fine, coarse in itertools.pairwise(levels):
-        kernels.next_level(fine, coarse)
+        (kernels.next_level if fine.size > _FEW else kernels.next_level_serially)(fine, coarse)
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
-        kernels.refine_level(coarse, fine)
+        (kernels.refine_level if fine.size > _FEW else kernels.refine_level_serially)(coarse, fine)
     kernels.fill_holes(disparity, levels[0], _FADE_PX, *planes)
 
 

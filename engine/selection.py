@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -48,9 +49,9 @@ def _worth(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -
     u, v = np.meshgrid(steps * target.width, steps * target.height)
     uv = np.stack([u.ravel(), v.ravel()], axis=-1)
     points = np.concatenate([target.unproject(uv, np.full(len(uv), depth)) for depth in depths])
-    positions = np.array([camera.pose.position for camera in cameras])
-    to_points = points - positions[:, None]  # [cameras, samples, 3]
-    inside = _inside(cameras, to_points, target.pose.position)
+    packed = _packed(tuple(cameras))
+    to_points = points - packed[:, None, 16:19]  # [cameras, samples, 3]
+    inside = _inside(packed, to_points)
     from_target = points - np.asarray(target.pose.position)
     lengths = np.linalg.norm(from_target, axis=-1) * np.linalg.norm(to_points, axis=-1)
     cosine = np.einsum("csk,sk->cs", to_points, from_target) / np.maximum(lengths, 1e-300)
@@ -58,9 +59,14 @@ def _worth(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -
     return worth
 
 
-def _inside(cameras: Sequence[Camera], to_points: FloatArray, origin: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Whether points, given relative to each camera [cameras, samples, 3], fall into its picture."""
-    packed = np.stack([camera.packed(origin) for camera in cameras])[:, None]  # [cameras, 1, CAMERA_SIZE]
+@lru_cache(maxsize=8)
+def _packed(cameras: tuple[Camera, ...]) -> FloatArray:  # [cameras, CAMERA_SIZE]
+    return np.stack([camera.packed() for camera in cameras])
+
+
+def _inside(cameras: FloatArray, to_points: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether points, given relative to each packed camera [cameras, samples, 3], fall into its picture."""
+    packed = cameras[:, None]
     local = np.einsum("csk,ckl->csl", to_points, packed[:, 0, 7:16].reshape(-1, 3, 3))
     x, y, z = np.moveaxis(local, -1, 0)
     width, height, p3, p4, p5, p6 = np.moveaxis(packed[:, :, 1:7], -1, 0)

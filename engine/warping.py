@@ -97,7 +97,7 @@ _PARALLEL = _Kernels(rasterise.transform_points, rasterise.sort_into_bands, rast
 _SERIAL = _Kernels(
     rasterise.transform_points_serially, rasterise.sort_into_bands_serially, rasterise.draw_bands_serially
 )
-_FEW = 4000  # points and triangles below which threads cost more than they bring
+_FEW = 20000  # points and triangles below which threads cost more than they bring
 
 
 class Canvas:

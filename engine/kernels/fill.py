@@ -13,7 +13,17 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CELL", "count_holes", "fill_holes", "first_level", "next_level", "pack_420", "refine_level"]
+__all__ = [
+    "CELL",
+    "count_holes",
+    "fill_holes",
+    "first_level",
+    "next_level",
+    "next_level_serially",
+    "pack_420",
+    "refine_level",
+    "refine_level_serially",
+]
 
 F32 = npt.NDArray[np.float32]
 U16 = npt.NDArray[np.uint16]
@@ -69,8 +79,7 @@ def first_level(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, level: 
             _store(level, j, i, total, farthest, sum_y, sum_b, sum_r)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def next_level(fine: F32, level: F32) -> None:
+def _next_level(fine: F32, level: F32) -> None:
     """The next coarser level of the pyramid."""
     h, w = fine.shape[0], fine.shape[1]
     for j in numba.prange(level.shape[0]):
@@ -90,6 +99,11 @@ def next_level(fine: F32, level: F32) -> None:
                         sum_b += share * fine[y, x, 3]
                         sum_r += share * fine[y, x, 4]
             _store(level, j, i, total, farthest, sum_y, sum_b, sum_r)
+
+
+# One thread is quicker for the coarser levels.
+next_level = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_next_level)
+next_level_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_next_level)
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -132,8 +146,7 @@ def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float
     return sum_y / total, sum_b / total, sum_r / total, farthest
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def refine_level(coarse: F32, fine: F32) -> None:
+def _refine_level(coarse: F32, fine: F32) -> None:
     """Complete a level from the coarser one, which is complete: what a cell lacks in weight comes from there."""
     for j in numba.prange(fine.shape[0]):
         for i in range(fine.shape[1]):
@@ -145,6 +158,11 @@ def refine_level(coarse: F32, fine: F32) -> None:
                 fine[j, i, 4] = weight * fine[j, i, 4] + (1.0 - weight) * cr
                 if weight == 0.0:
                     fine[j, i, 0], fine[j, i, 1] = 1.0, coarse[j // 2, i // 2, 1]
+
+
+# One thread is quicker for the coarser levels.
+refine_level = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_refine_level)
+refine_level_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_refine_level)
 
 
 @numba.njit(inline="always", cache=True)
