@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,11 +20,15 @@ from .scene import Scene
 from .selection import select_views
 from .settings import Settings
 from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
+from .threads import set_thread_count, thread_count
 from .warping import Canvas, PreparedView, Target, ViewTable
 
 __all__ = ["BackEndReport", "Engine", "Viewer"]
 
 Viewer = StereoView | Camera
+
+_STEREO_VIEWERS = 4  # stereo pairs that are rendered at the same time
+_FIRST_VIEWS = 3  # views made ready in the back end where the later ones may have nothing to draw
 
 
 @dataclass(slots=True)
@@ -66,6 +71,7 @@ class Engine:
         self._front: _FrontBuffer | None = None
         self._canvases: dict[tuple[int, int], list[Canvas]] = {}
         self._canvas_lock = threading.Lock()
+        self._second_eye = ThreadPoolExecutor(_STEREO_VIEWERS, "farside-second-eye")
 
     @property
     def frame_index(self) -> int | None:
@@ -109,8 +115,9 @@ class Engine:
                 if self._model is not None:
                     backdrops[name] = self._backdrop(viewer, (speeds or {}).get(name, 0.0), scene)
         with _timed(stages, "triangulate"):
+            ready = None if self.settings.overdraw else _FIRST_VIEWS
             for viewer in (viewers or {}).values():
-                for k in self._select(viewer, views, scene):
+                for k in self._select(viewer, views, scene)[:ready]:
                     views[k].mesh()
         self._front = _FrontBuffer(frame, scene, views, ViewTable(views), backdrops)
         return BackEndReport(frame.index, stages, report)
@@ -122,9 +129,23 @@ class Engine:
         stages: dict[str, float] = {}
         with _timed(stages, "select"):
             chosen = self._select(view, front.views, front.scene)
-        pictures = [self._render_eye(eye, front, chosen, viewer) for eye in (left, right)]
-        pictures[0].report.stages = stages | pictures[0].report.stages
-        return StereoPicture(pictures[0], pictures[1], front.frame.index)
+        # An eye a thread: two pictures side by side cost less than one after the other on all threads.
+        threads = thread_count()
+        share = max(1, threads // 2)
+        other = self._second_eye.submit(self._render_with, share, right, front, chosen, viewer)
+        try:
+            first = self._render_with(share, left, front, chosen, viewer)
+        finally:
+            set_thread_count(threads)
+            wait([other])
+        first.report.stages = stages | first.report.stages
+        return StereoPicture(first, other.result(), front.frame.index)
+
+    def _render_with(
+        self, threads: int, camera: Camera, front: _FrontBuffer, chosen: Sequence[int], viewer: str | None
+    ) -> RenderedPicture:
+        set_thread_count(threads)
+        return self._render_eye(camera, front, chosen, viewer)
 
     def render_camera(self, camera: Camera, viewer: str | None = None) -> RenderedPicture:
         """Render one virtual camera of any projection from the newest frame."""

@@ -51,7 +51,7 @@ class Settings:
     def preset(cls, quality: str = "balanced", **changes: object) -> Settings:
         """The settings of a quality (fast, balanced, best), with changes on top."""
         presets = {
-            "fast": cls(tolerance_px=0.5, overdraw=False, rims=False, blend=1, pbi_scale=0.5, jpeg_quality=80),
+            "fast": cls(tolerance_px=0.5, overdraw=False, rims=False, blend=1, pbi_scale=0.33, jpeg_quality=80),
             "balanced": cls(pbi_scale=0.5),
             "best": cls(tolerance_px=0.1, blend=5),
         }
