@@ -24,9 +24,12 @@ def command(
     ] = None,
     model: Annotated[
         Path | None,
-        typer.Option(metavar="SEQ", help="Few views with the model against few and all views without, by ground truth."),
+        typer.Option(metavar="SEQ", help="Few views with the model against few and all without it, by truth."),
     ] = None,
     views: Annotated[int, typer.Option(help="What --model calls few views.", min=1)] = 5,
+    camera: Annotated[
+        list[str] | None, typer.Option(help="Virtual cameras of --model; without it those inside the rig.")
+    ] = None,
     every: Annotated[int, typer.Option(help="Look at every so many frames (--model).", min=1)] = 12,
     scale: Annotated[float, typer.Option(help="Size of the twin's pictures (--ghosts).")] = 0.25,
     frames: Annotated[int, typer.Option(help="Frames to play, at most.", min=1)] = 100,
@@ -40,7 +43,7 @@ def command(
     if peers is not None:
         _peers(peers, quality, background)
     if model is not None:
-        _model(model, frames, every, quality, views, report)
+        _model(model, camera, frames, every, quality, views, report)
     if ghosts is not None:
         _ghosts(ghosts, scale, frames, quality, report)
 
@@ -66,12 +69,14 @@ def _figures(peers: dict[str, tuple[float, float]], names: list[str]) -> list[tu
     return [peers.get(name, (0.0, 0.0)) for name in names]
 
 
-def _model(folder: Path, frames: int, every: int, quality: str, views: int, report: Path | None) -> None:
+def _model(
+    folder: Path, chosen: list[str] | None, frames: int, every: int, quality: str, views: int, report: Path | None
+) -> None:
     from farside.engine.bench.background import compare_model, hole_picture, inside_rig, summarise
     from farside.engine.tmiv import open_sequence
 
     sequence = open_sequence(folder)
-    cameras, count = inside_rig(sequence), min(frames, sequence.frame_count)
+    cameras, count = chosen or inside_rig(sequence), min(frames, sequence.frame_count)
     if not cameras:
         raise ValueError(f"{folder}: no virtual camera with ground truth stands inside the rig")
     samples = []
