@@ -31,15 +31,20 @@ def command(
         list[str] | None, typer.Option(help="Virtual cameras of --model; without it those inside the rig.")
     ] = None,
     every: Annotated[int, typer.Option(help="Look at every so many frames (--model).", min=1)] = 12,
-    scale: Annotated[float, typer.Option(help="Size of the twin's pictures (--ghosts).")] = 0.25,
+    pairs: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Stereo pairs a second of a twin while the model is updated.")
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Size of the twin's pictures (--ghosts, --pairs).")] = 0.25,
     frames: Annotated[int, typer.Option(help="Frames to play, at most.", min=1)] = 100,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for plots.")] = None,
     quality: Annotated[str, typer.Option(help="fast, balanced or best.")] = "best",
     background: Annotated[bool, typer.Option("--background/--no-background", help="The model.")] = True,
 ) -> None:
     """Measure speed and quality."""
-    if peers is None and ghosts is None and model is None:
-        raise ValueError("bench: nothing to measure: expected --peers FOLDER, --model SEQ or --ghosts NAME")
+    if peers is None and ghosts is None and model is None and pairs is None:
+        raise ValueError("bench: nothing to measure: expected --peers FOLDER, --model SEQ, --ghosts or --pairs NAME")
+    if pairs is not None:
+        _pairs(pairs, scale, quality)
     if peers is not None:
         _peers(peers, quality, background)
     if model is not None:
@@ -101,6 +106,23 @@ def _model(
         worst = max(samples, key=lambda sample: sample.holes_warped * (sample.mode == "model"))
         picture = hole_picture(sequence, worst.camera, worst.frame, quality, views)
         Image.fromarray(picture).save(report / "holes.png")
+
+
+def _pairs(name: str, scale: float, quality: str) -> None:
+    from farside.engine.bench.pairs import measure_pairs
+    from farside.engine.synth import make_twin, twin_frame
+
+    twin = make_twin(name, scale)
+    with Progress(console=Console(stderr=True)) as bar:
+        frames = [twin_frame(twin, index) for index in bar.track(range(6), description="making frames")]
+        table = Table(title=f"{name} at scale {scale:g}, quality {quality}, a pair of 640x720 an eye")
+        for column in ("updates asked for a second", "updates", "pairs a second", "medians of a pair, ms, eyes' sum"):
+            table.add_column(column, justify="right")
+        for f_vin in bar.track((0.0, 0.5, 1.0, 2.0, 4.0), description="measuring"):
+            rate = measure_pairs(frames, quality, f_vin, 10.0)
+            stages = ", ".join(f"{stage} {value:.1f}" for stage, value in rate.stages.items())
+            table.add_row(f"{f_vin:g}", f"{rate.updates:.1f}", f"{rate.pairs:.1f}", stages)
+    Console(width=140).print(table)
 
 
 def _ghosts(name: str, scale: float, frames: int, quality: str, report: Path | None) -> None:
