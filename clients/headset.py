@@ -6,7 +6,7 @@ import asyncio
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -39,15 +39,18 @@ def swaying(home: Pose, seconds: float) -> Pose:
 
 
 def along_trace(path: Path, rate: float) -> Path6:
-    """The path of a pose trace with `rate` rows a second, its offsets from the home; held at its end."""
+    """The path of a pose trace with `rate` rows a second, relative to the home's pose; held at its end.
+
+    A rig need not stand upright or look along x: the wearer of the headset faces where the cameras do.
+    """
     offsets = read_pose_trace(path, _viewport(Pose()))
 
     def at(home: Pose, seconds: float) -> Pose:
         row = min(seconds * rate, len(offsets) - 1.0)
         before, after = offsets[int(row)], offsets[min(int(row) + 1, len(offsets) - 1)]
         pose = _between(before, after, row - int(row))
-        x, y, z = np.add(home.position, pose.position)
-        return replace(pose, position=(float(x), float(y), float(z)))
+        moved = home.translated(pose.position)
+        return Pose.from_matrix(np.column_stack([home.rotation() @ pose.rotation(), moved.position]))
 
     return at
 

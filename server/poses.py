@@ -103,8 +103,9 @@ def _scene(axes: str, source: Source) -> Scene:
 
 
 def home_pose(cameras: tuple[Camera, ...]) -> Pose:
-    """Where a viewer starts: amid the cameras, level, looking where they look on average."""
+    """Where a viewer starts: amid the cameras, level, looking where they look on average and the same way up."""
     position = np.mean([camera.pose.position for camera in cameras], axis=0)
     ahead = np.mean([camera.pose.rotation()[:, 0] for camera in cameras], axis=0)
     yaw = math.atan2(ahead[1], ahead[0]) if math.hypot(ahead[0], ahead[1]) > 0.1 else 0.0
-    return Pose.from_euler(position, yaw, 0.0, 0.0)
+    upright = sum(float(camera.pose.rotation()[2, 2]) for camera in cameras) >= 0
+    return Pose.from_euler(position, yaw, 0.0, 0.0 if upright else math.pi)
