@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from .pbi import enlarged, imaginary_camera
 from .scene import Scene
 from .selection import select_views
 from .settings import Settings
+from .stages import timed
 from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
 from .threads import set_thread_count, thread_count
 from .warping import Canvas, PreparedView, Target, ViewTable
@@ -104,17 +104,17 @@ class Engine:
             for view in frame.views
         )
         report = None
-        with _timed(stages, "background"):
+        with timed(stages, "background"):
             if self.settings.background:
                 if self._model is None:
                     self._model = BackgroundModel(self.cameras, self.settings, scene)
                 report = self._model.update(frame)
-        with _timed(stages, "pbi"):
+        with timed(stages, "pbi"):
             backdrops = {}
             for name, viewer in (viewers or {}).items():
                 if self._model is not None:
                     backdrops[name] = self._backdrop(viewer, (speeds or {}).get(name, 0.0), scene)
-        with _timed(stages, "triangulate"):
+        with timed(stages, "triangulate"):
             ready = None if self.settings.overdraw else _FIRST_VIEWS
             for viewer in (viewers or {}).values():
                 for k in self._select(viewer, views, scene)[:ready]:
@@ -127,7 +127,7 @@ class Engine:
         front = self._newest()
         left, right = view.eyes(front.scene.coding)
         stages: dict[str, float] = {}
-        with _timed(stages, "select"):
+        with timed(stages, "select"):
             chosen = self._select(view, front.views, front.scene)
         # An eye a thread: two pictures side by side cost less than one after the other on all threads.
         threads = thread_count()
@@ -203,11 +203,11 @@ class Engine:
         target = Target(camera, front.scene.origin)
         near = 0.02 * front.scene.coding.near
         with self._canvas(camera) as canvas:
-            with _timed(report.stages, "warp"):
+            with timed(report.stages, "warp"):
                 canvas.clear()
                 report.warped = self._draw_views(canvas, views, target, near)
                 report.holes_warped = report.holes_backdrop = hole_fraction(canvas.disparity)
-            with _timed(report.stages, "backdrop"):
+            with timed(report.stages, "backdrop"):
                 if backdrop is not None:
                     report.warped += canvas.draw_backdrop(
                         backdrop, front.present, target, len(views), near, self._push(),
@@ -215,13 +215,13 @@ class Engine:
                     )  # fmt: skip
                     report.holes_backdrop = hole_fraction(canvas.disparity)
                     views.append(backdrop)
-            with _timed(report.stages, "shade"):
+            with timed(report.stages, "shade"):
                 fills = self.settings.fill and report.holes_backdrop < 1
                 if not fills:
                     canvas.grey()
                 if views:
                     canvas.shade(target, ViewTable(views), len(chosen), self.settings.blend)
-            with _timed(report.stages, "fill"):
+            with timed(report.stages, "fill"):
                 report.holes_filled = report.holes_backdrop
                 if fills and 0 < report.holes_backdrop < 1:
                     fill(canvas.disparity, canvas.planes)
@@ -261,13 +261,3 @@ class Engine:
         finally:
             with self._canvas_lock:
                 free.append(canvas)
-
-
-@contextmanager
-def _timed(stages: dict[str, float], name: str) -> Iterator[None]:
-    """Add the milliseconds that the block takes to a stage."""
-    start = time.perf_counter()
-    try:
-        yield
-    finally:
-        stages[name] = stages.get(name, 0.0) + 1e3 * (time.perf_counter() - start)

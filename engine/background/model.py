@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +20,7 @@ from ..mesh import Mesh
 from ..pbi import BackgroundImage
 from ..scene import Scene
 from ..settings import Settings
+from ..stages import timed
 from ..triangulation import triangulate
 from .coverage import choose_views, farther_pixels
 from .culling import clear_marks, cull_unmarked, mark_background, mark_missed
@@ -120,19 +119,19 @@ class BackgroundModel:
         self.cameras = tuple(view.camera for view in frame.views)  # where they are now
         self._packed[:] = [camera.packed(self._origin) for camera in self.cameras]
         self._tolerances = scene_tolerances(frame.views, self.settings)
-        with _timed(report, "maximum_depth"):
+        with timed(report.stages, "maximum_depth"):
             self._images = [
                 MaximumDepthImage(view, self._tolerances, options.edge)
                 for view, options in zip(frame.views, self._options, strict=True)
             ]
             self._image_table[:] = [image.table_row() for image in self._images]
-        with _timed(report, "triangulate"):
+        with timed(report.stages, "triangulate"):
             self._build_static(frame.views)
-        with _timed(report, "commit"):
+        with timed(report.stages, "commit"):
             self._pbs.commit()
-        with _timed(report, "culling"):
+        with timed(report.stages, "culling"):
             self._cull(range(len(self.cameras)), report, share=True)
-        with _timed(report, "commit"), self._lock:
+        with timed(report.stages, "commit"), self._lock:
             self._pbs.compact_static()
             self._pbs.commit()
         self._cast_version = [self._pbs.version] * len(self.cameras)
@@ -159,14 +158,14 @@ class BackgroundModel:
         retired = self._retire(frame)
         group = self._next_group()
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
-        with _timed(report, "maximum_depth"):
+        with timed(report.stages, "maximum_depth"):
             if not self._noise_known:
                 self._allow_for_noise(frame)
             for c in self._fixed():
                 report.updated += self._images[c].update(frame.views[c])
         for c in group:
             self._take_turn(c, report)
-        with _timed(report, "culling"):
+        with timed(report.stages, "culling"):
             # Where no geometry has changed since a camera's last rays, they would find the same again.
             due = [c for c in group if self._cast_version[c] != self._pbs.version]
             if due or retired:
@@ -210,7 +209,7 @@ class BackgroundModel:
         culled = before is not None and before.valid_count < len(before.invalid)
         if not (image.pending or culled):
             return
-        with _timed(report, "filter"):
+        with timed(report.stages, "filter"):
             numbers = self._paint(image, before)
             if culled:
                 clear_culled(numbers, image.kept)
@@ -219,9 +218,9 @@ class BackgroundModel:
             report.accepted += accepted
             report.rays += candidates - changed
         if accepted or changed or culled:
-            with _timed(report, "triangulate"):
+            with timed(report.stages, "triangulate"):
                 self._derive(c, before, numbers)
-            with _timed(report, "commit"):  # before the next camera's rays
+            with timed(report.stages, "commit"):  # before the next camera's rays
                 self._pbs.commit()
 
     def _paint(self, image: MaximumDepthImage, before: Surface | None) -> npt.NDArray[np.int32]:  # [h, w]
@@ -304,13 +303,3 @@ class BackgroundModel:
         ycbcr = np.empty((len(mesh.uv), 3), np.float32)
         sample_colours(self._image_table[c], mesh.uv, ycbcr)
         return ColouredMesh(mesh.points + self._origin, mesh.triangles[valid], srgb_from_ycbcr(ycbcr))
-
-
-@contextmanager
-def _timed(report: UpdateReport, stage: str) -> Iterator[None]:
-    """Adds the block's milliseconds to a stage of the report."""
-    start = time.perf_counter()
-    try:
-        yield
-    finally:
-        report.stages[stage] = report.stages.get(stage, 0.0) + 1e3 * (time.perf_counter() - start)
