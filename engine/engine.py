@@ -223,7 +223,7 @@ class Engine:
                     canvas.shade(target, ViewTable(views), len(chosen), self.settings.blend)
             with timed(report.stages, "fill"):
                 report.holes_filled = report.holes_backdrop
-                if fills and 0 < report.holes_backdrop < 1:
+                if fills and report.holes_backdrop > 0:
                     fill(canvas.disparity, canvas.planes)
                     report.holes_filled = 0.0
                 texture = canvas.texture()

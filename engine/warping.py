@@ -60,7 +60,7 @@ class PreparedView:
         row[: shade.OFFSET] = camera.packed(self.origin)
         coding = camera.depth
         row[shade.OFFSET], row[shade.STEP] = coding.offset, coding.step
-        row[shade.MIN_CODE], row[shade.INVALID] = coding.min_code, coding.has_invalid
+        row[shade.INVALID] = coding.has_invalid
         row[shade.EDGE] = max(self.options.edge / coding.step, 1.0)
         row[shade.TOLERANCE] = 0.5 * row[shade.EDGE] + 1.0
         row[shade.SHARPNESS] = pixels_per_radian(camera)

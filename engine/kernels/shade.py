@@ -27,7 +27,6 @@ __all__ = [
     "COLUMNS",
     "EDGE",
     "INVALID",
-    "MIN_CODE",
     "OFFSET",
     "ROWS",
     "SHARPNESS",
@@ -40,14 +39,13 @@ __all__ = [
 
 OFFSET = CAMERA_SIZE  # disparity of code 0
 STEP = CAMERA_SIZE + 1  # disparity of a code step
-MIN_CODE = CAMERA_SIZE + 2
-INVALID = CAMERA_SIZE + 3  # 1 where code 0 means "no depth"
-TOLERANCE = CAMERA_SIZE + 4  # codes within which a view agrees
-EDGE = CAMERA_SIZE + 5  # code step between texels that is a depth edge
-SHARPNESS = CAMERA_SIZE + 6  # pixels a radian, relative to the target's
-COLUMNS = CAMERA_SIZE + 7  # columns a radian (equirectangular)
-ROWS = CAMERA_SIZE + 8
-TABLE_SIZE = CAMERA_SIZE + 9
+INVALID = CAMERA_SIZE + 2  # 1 where code 0 means "no depth"
+TOLERANCE = CAMERA_SIZE + 3  # codes within which a view agrees
+EDGE = CAMERA_SIZE + 4  # code step between texels that is a depth edge
+SHARPNESS = CAMERA_SIZE + 5  # pixels a radian, relative to the target's
+COLUMNS = CAMERA_SIZE + 6  # columns a radian (equirectangular)
+ROWS = CAMERA_SIZE + 7
+TABLE_SIZE = CAMERA_SIZE + 8
 
 OUTSIDE = -1e300  # stands for the depth code of a point that a view has no pixel for
 _CHUNKS = 64
