@@ -17,7 +17,7 @@ COMMANDS = {
     "synth": "Make a twin of one of the known sequences, with ground truth.",
     "info": "List what a sequence holds and what is wrong with it.",
     "render": "Render virtual cameras or a head-pose trace from a sequence.",
-    "compare": "Compare two raw videos: PSNR, WS-PSNR, IV-PSNR.",
+    "compare": "Compare two raw videos: PSNR, WS-PSNR, IV-PSNR, SSIM.",
     "bench": "Measure speed and quality.",
     "serve": "Run the live server.",
     "replay": "Send a sequence to a live server, as a camera rig would.",

@@ -31,7 +31,7 @@ def command(
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the figures here.")
     ] = None,
 ) -> None:
-    """Compare two raw videos: PSNR, IV-PSNR and, with --erp, WS-PSNR, in dB, by frame and in the mean."""
+    """Compare two raw videos: PSNR, IV-PSNR and, with --erp, WS-PSNR, in dB, and SSIM, by frame and in the mean."""
     width, height = _size(size)
     reference, judged = (RawVideo(path, width, height, PixelFormat(pixel_format)) for path in (ref, test))
     report = compare(reference, judged, _erp(erp))
@@ -77,16 +77,19 @@ def _figures(
     if erp:
         weighted = metrics.ws_psnr(*pictures, erp, bits=bits)
         figures |= {f"ws_psnr_{name}": value for name, value in zip(names, weighted, strict=True)}
-    return figures | {"iv_psnr": metrics.iv_psnr(*pictures, erp, bits=bits)}
+    figures["iv_psnr"] = metrics.iv_psnr(*pictures, erp, bits=bits)
+    if min(ref.width, ref.height) >= metrics.WINDOW:
+        figures["ssim"] = metrics.ssim(*pictures, bits=bits)
+    return figures
 
 
 def _table(report: dict[str, object]) -> Table:
     frames, mean = report["frames"], report["mean"]
     assert isinstance(frames, list)
     assert isinstance(mean, dict)
-    table = Table("frame", title="dB", box=box.SIMPLE)
+    table = Table("frame", title="PSNR in dB", box=box.SIMPLE)
     for name in mean:
-        title = name.replace("psnr", "PSNR").replace("ws_", "WS-").replace("iv_", "IV-")
+        title = name.replace("psnr", "PSNR").replace("ws_", "WS-").replace("iv_", "IV-").replace("ssim", "SSIM")
         table.add_column(title.replace("_", " "), justify="right", no_wrap=True)
     for figures in frames:
         table.add_row(str(figures["frame"]), *(f"{figures[name]:.4f}" for name in mean))

@@ -1,9 +1,9 @@
-"""Objective quality: PSNR, WS-PSNR and IV-PSNR, as MPEG's IV-PSNR tool prints them.
+"""Objective quality: PSNR, WS-PSNR and IV-PSNR, as MPEG's IV-PSNR tool prints them, and SSIM.
 
 Pictures are 4:2:0 `Texture`s with codes of `bits` bits; chroma is compared at luma resolution (replicated),
 so every plane has the luma's number of pixels N. An error of 0 counts as 1: identical planes have
 10 log10(N peak^2).
-IV-PSNR: Dziembowski et al., IEEE TCSVT 32(11), 2022.
+IV-PSNR: Dziembowski et al., IEEE TCSVT 32(11), 2022. SSIM: Wang et al., IEEE TIP 13(4), 2004.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ import numpy.typing as npt
 
 from . import threads
 from .frame import Texture
-from .kernels.metrics import match_errors
+from .kernels.metrics import match_errors, similarity_rows
 
-__all__ = ["iv_psnr", "psnr", "ws_psnr"]
+__all__ = ["Erp", "iv_psnr", "psnr", "ssim", "ws_psnr"]
 
 WEIGHTS = np.array([4, 1, 1])  # of Y, Cb, Cr: in the search for matches and in the mean of their PSNRs
 UNNOTICEABLE = 0.01  # of the peak: the largest global colour difference that is forgiven
+WINDOW, SIGMA, K1, K2 = 11, 1.5, 0.01, 0.03  # SSIM: pixels each way, standard deviation in pixels, constants
 
 Erp = tuple[float, float]  # horizontal and vertical range of an equirectangular picture, degrees
 FloatArray = npt.NDArray[np.float64]
@@ -53,6 +54,21 @@ def iv_psnr(ref: Texture, test: Texture, erp: Erp | None = None, *, bits: int = 
     both = (match_errors(planes, others, shift, WEIGHTS), match_errors(others, planes, -shift, WEIGHTS))
     qualities = [np.array(_plane_psnrs(weights @ rows, ref, bits)) for rows in both]
     return float(min(WEIGHTS @ quality for quality in qualities) / WEIGHTS.sum())
+
+
+def ssim(ref: Texture, test: Texture, *, bits: int = 10) -> float:
+    """Mean structural similarity of luma, at most 1: Gaussian windows that lie inside the picture, no down-sampling.
+
+    Raises ValueError where the sizes differ or are less than the window's 11 pixels.
+    """
+    _check_sizes(ref, test)
+    if min(ref.y.shape) < WINDOW:
+        raise ValueError(f"picture: {ref.y.shape[::-1]}: expected at least {WINDOW} pixels each way for SSIM")
+    threads.require_tbb()
+    offsets = np.arange(WINDOW) - WINDOW // 2
+    window = np.exp(-(offsets**2) / (2 * SIGMA**2))
+    rows = similarity_rows(ref.y, test.y, window / window.sum(), (K1 * _peak(bits)) ** 2, (K2 * _peak(bits)) ** 2)
+    return float(rows.sum() / (rows.size * (ref.y.shape[1] - WINDOW + 1)))
 
 
 def _row_errors(ref: Texture, test: Texture) -> npt.NDArray[np.int64]:  # [h, 3]

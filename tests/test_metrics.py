@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from farside.clients.compare import command, compare
 from farside.engine.frame import Texture
-from farside.engine.metrics import iv_psnr, psnr, ws_psnr
+from farside.engine.metrics import iv_psnr, psnr, ssim, ws_psnr
 from farside.engine.yuv import RawVideo
 from shared import SHARED, needs_shared
 
@@ -57,6 +57,45 @@ def plain_iv_psnr(ref: Texture, test: Texture, bits: int) -> float:
         return (4 * y_ + cb + cr) / 6
 
     return min(one_way(ref, test), one_way(test, ref))
+
+
+def plain_ssim(a: np.ndarray, b: np.ndarray, peak: int) -> float:
+    """The published definition (Wang et al. 2004), one window after the other."""
+    offsets = np.arange(-5, 6)
+    weights = np.exp(-(offsets[:, None] ** 2 + offsets**2) / (2 * 1.5**2))
+    weights /= weights.sum()
+    values = []
+    for y in range(a.shape[0] - 10):
+        for x in range(a.shape[1] - 10):
+            p, q = (plane[y : y + 11, x : x + 11].astype(float) for plane in (a, b))
+            mean_p, mean_q = (weights * p).sum(), (weights * q).sum()
+            p, q = p - mean_p, q - mean_q
+            c1, c2 = (0.01 * peak) ** 2, (0.03 * peak) ** 2
+            luminance = (2 * mean_p * mean_q + c1) / (mean_p**2 + mean_q**2 + c1)
+            spread = (weights * p * p).sum() + (weights * q * q).sum()
+            values.append(luminance * (2 * (weights * p * q).sum() + c2) / (spread + c2))
+    return float(np.mean(values))
+
+
+@pytest.mark.parametrize(("h", "w", "bits"), [(11, 11, 10), (14, 19, 10), (23, 12, 8)])
+def test_ssim_agrees_with_its_definition(h: int, w: int, bits: int) -> None:
+    ref = random_texture(h, w, 1, bits)
+    mixed = ((3 * ref.y.astype(int) + random_texture(h, w, 2, bits).y) // 4).astype(np.uint16)
+    for luma in (mixed, random_texture(h, w, 3, bits).y, np.full_like(ref.y, 7)):
+        test = Texture(luma, ref.cb, ref.cr)
+        assert ssim(ref, test, bits=bits) == pytest.approx(plain_ssim(ref.y, luma, 2**bits - 1), abs=1e-9)
+    assert ssim(ref, ref, bits=bits) == pytest.approx(1.0, abs=1e-12)
+    with pytest.raises(ValueError, match=r"picture: \(20, 10\): expected at least 11"):
+        ssim(random_texture(10, 20, 0), random_texture(10, 20, 0))
+
+
+def test_compare_has_ssim_where_the_window_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    frames = [random_texture(12, 16, seed) for seed in range(2)]
+    a, b = write_video(tmp_path / "a.yuv", frames[:1]), write_video(tmp_path / "b.yuv", frames[1:])
+    command(a, b, "16x12", json_file=tmp_path / "out.json")
+    figure = json.loads((tmp_path / "out.json").read_text())["mean"]["ssim"]
+    assert figure == pytest.approx(ssim(*frames))
+    assert f"{figure:.4f}" in capsys.readouterr().out
 
 
 @needs_shared

@@ -1,4 +1,4 @@
-"""Corresponding pixel shift: how far each pixel is from the best match near its place in another picture."""
+"""Matches of pixels near their place in another picture (IV-PSNR), and structural similarity (SSIM)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["SEARCH_RANGE", "match_errors"]
+__all__ = ["SEARCH_RANGE", "match_errors", "similarity_rows"]
 
 SEARCH_RANGE = 2  # pixels each way: a 5x5 neighbourhood
 
@@ -44,4 +44,43 @@ def match_errors(
                         least, best = error, (e0, e1, e2)
             sums = (sums[0] + best[0], sums[1] + best[1], sums[2] + best[2])
         rows[y, 0], rows[y, 1], rows[y, 2] = sums
+    return rows
+
+
+@numba.njit(cache=True, error_model="numpy", parallel=True, nogil=True)
+def similarity_rows(
+    ref: npt.NDArray[np.uint16],  # [h, w]
+    test: npt.NDArray[np.uint16],  # [h, w]
+    window: npt.NDArray[np.float64],  # [k], sums to 1: weights along each axis
+    c1: float,
+    c2: float,
+) -> npt.NDArray[np.float64]:  # [h - k + 1]
+    """SSIM of all windows that lie inside the pictures, summed over each row of them."""
+    height, width = ref.shape
+    taps = len(window)
+    rows = np.empty(height - taps + 1)
+    for y in numba.prange(height - taps + 1):
+        # Down the columns first: means of a, b, a^2, b^2 and a b.
+        columns = np.zeros((5, width))
+        for k in range(taps):
+            for x in range(width):
+                a, b = float(ref[y + k, x]), float(test[y + k, x])
+                columns[0, x] += window[k] * a
+                columns[1, x] += window[k] * b
+                columns[2, x] += window[k] * a * a
+                columns[3, x] += window[k] * b * b
+                columns[4, x] += window[k] * a * b
+        total = 0.0
+        for x in range(width - taps + 1):
+            a, b, aa, bb, ab = 0.0, 0.0, 0.0, 0.0, 0.0
+            for k in range(taps):
+                a += window[k] * columns[0, x + k]
+                b += window[k] * columns[1, x + k]
+                aa += window[k] * columns[2, x + k]
+                bb += window[k] * columns[3, x + k]
+                ab += window[k] * columns[4, x + k]
+            luminance = (2 * a * b + c1) / (a * a + b * b + c1)
+            structure = (2 * (ab - a * b) + c2) / (aa - a * a + bb - b * b + c2)
+            total += luminance * structure
+        rows[y] = total
     return rows
