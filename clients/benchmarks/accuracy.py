@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from farside.engine.bench.accuracy import Plan, Sample, judge_pictures, picture_count, summarise
-from farside.engine.bench.accuracy_report import SUMMARY, Report, summary_cells
+from farside.engine.bench.accuracy import Plan, Sample, judge_pictures, picture_count
+from farside.engine.bench.accuracy_report import Report, summary_table
 from farside.engine.bench.material import Material, TwinMaterial, default_targets, find_sequences
 from farside.engine.synth import make_twin
 from rich.console import Console
@@ -59,12 +59,10 @@ def make_plan(
 
 
 def _table(samples: Sequence[Sample]) -> Table:
-    """The summary, without columns that nothing has."""
-    cells = list(zip(*(summary_cells(row) for row in summarise(samples)), strict=True))
-    columns = [(title, column) for (_key, title, _form), column in zip(SUMMARY, cells, strict=True) if any(column)]
+    titles, rows = summary_table(samples)
     table = Table(title="Means over cameras and frames; PSNR in dB")
-    for title, _column in columns:
+    for title in titles:
         table.add_column(title, justify="right")
-    for row in zip(*(column for _title, column in columns), strict=True):
+    for row in rows:
         table.add_row(*row)
     return table

@@ -20,7 +20,7 @@ from ..colour import to_rgb
 from ..frame import Texture
 from .accuracy import Judged, Sample, summarise
 
-__all__ = ["SUMMARY", "Report", "summary_cells"]
+__all__ = ["Report", "summary_table"]
 
 Rgb = npt.NDArray[np.uint8]  # [h, w, 3]
 
@@ -131,9 +131,12 @@ class Report:
         return page
 
 
-def summary_cells(row: dict[str, object]) -> list[str]:
-    """A row of `summarise` as text, in the order of SUMMARY; empty where there is no figure."""
-    return ["" if row[key] is None else form(row[key]) for key, _title, form in SUMMARY]
+def summary_table(samples: Sequence[Sample]) -> tuple[list[str], list[list[str]]]:
+    """The titles and the rows of `summarise` as text, without columns that no row has a figure for."""
+    rows = summarise(samples)
+    columns = [column for column in SUMMARY if any(row[column[0]] is not None for row in rows)]
+    cells = [["" if row[key] is None else form(row[key]) for key, _title, form in columns] for row in rows]
+    return [title for _key, title, _form in columns], cells
 
 
 def _hole_picture(picture: Rgb, holes: npt.NDArray[np.bool_], warped: npt.NDArray[np.bool_]) -> Rgb:
@@ -174,7 +177,7 @@ def _page(title: str, entries: Sequence[_Entry]) -> str:
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>{escape(title)}</title><style>{STYLE}</style></head><body>
 <h1>{escape(title)}</h1>
-{_table([title for _key, title, _form in SUMMARY], [summary_cells(row) for row in summarise(samples)])}
+{_table(*summary_table(samples))}
 <p>{MEANING}</p>
 {"".join(sheets)}
 <h2>All pictures</h2>
