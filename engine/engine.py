@@ -119,6 +119,8 @@ class Engine:
             for viewer in (viewers or {}).values():
                 for k in self._select(viewer, views, scene)[:ready]:
                     views[k].mesh()
+                    if self.settings.blend > 1:
+                        views[k].confidence  # noqa: B018 (made here, not while a viewer waits)
         self._front = _FrontBuffer(frame, scene, views, ViewTable(views), backdrops)
         return BackEndReport(frame.index, stages, report)
 
@@ -220,7 +222,8 @@ class Engine:
                 if not fills:
                     canvas.grey()
                 if views:
-                    canvas.shade(target, ViewTable(views), len(chosen), self.settings.blend)
+                    table = ViewTable(views, blended=len(chosen) if self.settings.blend > 1 else 0)
+                    canvas.shade(target, table, len(chosen), self.settings.blend, cubic=self.settings.cubic)
             with timed(report.stages, "fill"):
                 report.holes_filled = report.holes_backdrop
                 if fills and report.holes_backdrop > 0:

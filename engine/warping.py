@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from .camera import Camera, Equirectangular, Perspective
 from .frame import Texture, View
-from .kernels import composite, rasterise, shade
+from .kernels import composite, confidence, rasterise, shade
 from .kernels import fill as fill_kernels
 from .mesh import Mesh
 from .triangulation import TriangulationOptions, triangulate
@@ -64,6 +64,7 @@ class PreparedView:
         row[shade.EDGE] = max(self.options.edge / coding.step, 1.0)
         row[shade.TOLERANCE] = 0.5 * row[shade.EDGE] + 1.0
         row[shade.SHARPNESS] = pixels_per_radian(camera)
+        row[shade.PIXEL] = 1.0 / pixels_per_radian(camera)
         if isinstance(camera.projection, Equirectangular):
             row[shade.COLUMNS], row[shade.ROWS] = 1.0 / row[4], 1.0 / row[6]
         return row
@@ -77,14 +78,25 @@ class PreparedView:
             raise ValueError(f"view {self.view.camera.name}: planes: expected C-contiguous uint16")
         return np.array([plane.ctypes.data for plane in planes], np.int64)
 
+    @cached_property
+    def confidence(self) -> npt.NDArray[np.uint8]:  # [h, w]
+        """How far the colour of each texel is trusted: next to depth edges it is mixed."""
+        marks = np.empty(self.view.codes.shape, np.uint8)
+        confidence.mark_mixed(self.view.codes, float(self.table_row[shade.EDGE]), marks)
+        return marks
+
 
 class ViewTable:
-    """Views as `kernels.shade` reads them; keeps their arrays alive."""
+    """Views as `kernels.shade` reads them; keeps their arrays alive.
 
-    def __init__(self, views: Sequence[PreparedView]) -> None:
+    The first `blended` come with their texels' confidence; of the others all are trusted alike.
+    """
+
+    def __init__(self, views: Sequence[PreparedView], *, blended: int = 0) -> None:
         self.views = tuple(views)
         self.rows = np.stack([view.table_row for view in views])
-        self.addresses = np.stack([view.addresses for view in views])
+        marks = [view.confidence.ctypes.data if k < blended else 0 for k, view in enumerate(views)]
+        self.addresses = np.column_stack([[view.addresses for view in views], np.array(marks, np.int64)])
 
 
 class _Kernels(NamedTuple):
@@ -211,12 +223,13 @@ class Canvas:
         room: npt.NDArray[Any] = getattr(self, name)[:size]
         return room
 
-    def shade(self, target: Target, views: ViewTable, n_views: int, blend: int) -> None:
+    def shade(self, target: Target, views: ViewTable, n_views: int, blend: int, *, cubic: bool = False) -> None:
         """Colour what was drawn; views after the first n_views are backdrops."""
         table = views.rows.copy()
         table[:, shade.SHARPNESS] *= target.radians_a_pixel
         shade.shade(
-            self.disparity, self.winner, target.packed, table, views.addresses, n_views, blend, *self.planes
+            self.disparity, self.winner, target.packed, table, views.addresses, n_views, blend, cubic,
+            *self.planes
         )
 
     def texture(self) -> Texture:

@@ -37,14 +37,16 @@ def prepared(camera, depth, luma, options=OPTIONS):
     return PreparedView(View(camera, Texture(luma.copy(), chroma, chroma + np.uint16(9)), codes), options, ORIGIN)
 
 
-def shaded(camera, views, *, blend=1, backdrops=0):
+def shaded(camera, views, *, blend=1, backdrops=0, cubic=False):
     """A canvas with all views drawn and shaded; the last `backdrops` of them are backdrops."""
     canvas, target = Canvas(camera.width, camera.height), Target(camera, ORIGIN)
     canvas.clear()
     canvas.grey()
     for number, view in enumerate(views):
         canvas.draw(view.mesh(), target, number, 0.01, 1e-3)
-    canvas.shade(target, ViewTable(views), len(views) - backdrops, blend)
+    n_views = len(views) - backdrops
+    table = ViewTable(views, blended=n_views if blend > 1 else 0)
+    canvas.shade(target, table, n_views, blend, cubic=cubic)
     return canvas
 
 
@@ -175,3 +177,56 @@ def test_odd_pictures_pack_into_half_chroma(size):
     assert (texture.y == 800).all()
     assert (texture.cb == 100).all()
     assert (texture.cr == 109).all()
+
+
+def keys(plane, u, v):
+    """Cubic convolution (Keys 1981, a = -1/2) of a plane at pixel coordinates, sample by sample."""
+
+    def kernel(s):
+        s = abs(s)
+        return 1.5 * s**3 - 2.5 * s**2 + 1 if s <= 1 else -0.5 * s**3 + 2.5 * s**2 - 4 * s + 2 if s < 2 else 0.0
+
+    x, y = u - 0.5, v - 0.5
+    j, i = math.floor(y), math.floor(x)
+    return sum(
+        kernel(y - b) * kernel(x - a) * float(plane[b, a]) for b in range(j - 1, j + 3) for a in range(i - 1, i + 3)
+    )
+
+
+def test_cubic_interpolation_is_keys():
+    rng = np.random.default_rng(3)
+    camera, depth = camera_at(), 4.0
+    luma = rng.integers(64, 940, (camera.height, camera.width))
+    view = prepared(camera, depth, luma)
+    target = camera_at(0.3 * depth / FLAT.fx)  # 0.3 pixels to the left: what it sees lies 0.3 pixels to the left
+    canvas = shaded(target, [view], cubic=True)
+    for y, x in ((10, 20), (11, 31), (30, 40)):
+        shift = (target.pose.position[1] - camera.pose.position[1]) * FLAT.fx / depth
+        u, v = x + 0.5 - shift, y + 0.5
+        assert abs(canvas.planes[0][y, x] - np.clip(keys(luma, u, v), 0, 1023)) < 0.5
+        chroma = view.view.texture.cb
+        assert abs(canvas.planes[1][y, x] - keys(chroma, 0.5 * u, 0.5 * v)) < 0.5
+
+
+def test_cubic_interpolation_stays_within_the_codes():
+    luma = np.where(np.arange(FLAT.width) % 8 < 4, 0, 1023) * np.ones((FLAT.height, 1))
+    canvas = shaded(camera_at(0.02), [prepared(camera_at(), 4.0, luma)], cubic=True)
+    assert canvas.planes[0].min() == 0
+    assert canvas.planes[0].max() == 1023
+    assert canvas.texture().y.max() == 1023  # did not wrap
+
+
+def test_mixed_texels_are_left_to_views_that_have_clean_ones():
+    """A wall behind a post whose outline was photographed half post, half wall: another view knows the wall there."""
+    wall_luma, post_luma, mixed = 600, 100, 350
+    depth = np.full((FLAT.height, FLAT.width), 4.0)
+    depth[:, 28:36] = 2.0
+    luma = np.where(depth < 3, post_luma, wall_luma)
+    luma[:, [27, 28, 35, 36]] = mixed
+    first, second = prepared(camera_at(), depth, luma), prepared(camera_at(0.5, name="second"), 4.0, wall_luma)
+    canvas = shaded(camera_at(0.01), [first, second], blend=2)
+    beside = canvas.planes[0][:, 38:42]  # the wall next to the post
+    assert np.abs(beside - wall_luma).max() < 0.1 * (wall_luma - mixed)
+    # A view that is alone keeps what it saw.
+    alone = shaded(camera_at(), [first], blend=2).planes[0]
+    np.testing.assert_allclose(alone[5:-5, [27, 36]], mixed, atol=1)

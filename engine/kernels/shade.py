@@ -1,12 +1,14 @@
 """Shading: one colour for each pixel of a warped picture, fetched from the views that see its surface.
 
 A pixel's disparity gives a point; the point is projected into each view, and a view that measured the same depth
-there contributes its colour, bilinear over the texels that lie on that surface. The weight favours views that
-look from nearly the same direction (unstructured lumigraph: angle), that resolve the surface at least as finely
-(distance), and fades near a picture's border.
+there contributes its colour, interpolated over the texels that lie on that surface: bilinear, or cubic convolution
+(Keys 1981), which keeps the sharpness that blending takes away. The weight favours views that look from nearly the
+same direction (unstructured lumigraph, Buehler et al. 2001: angle), that resolve the surface at least as finely
+(distance), whose texel is trusted, and fades near a picture's border.
 
-A view table is float64 [n, TABLE_SIZE] (packed camera, then the fields below) beside int64 [n, 4], the addresses
-of its C-contiguous uint16 arrays: codes, y, cb, cr. The caller keeps the arrays alive.
+A view table is float64 [n, TABLE_SIZE] (packed camera, then the fields below) beside int64 [n, 5], the addresses
+of its C-contiguous arrays: codes, y, cb, cr (uint16), and confidence (uint8), or 0 where every texel is trusted alike.
+The caller keeps the arrays alive.
 """
 
 from __future__ import annotations
@@ -28,11 +30,13 @@ __all__ = [
     "EDGE",
     "INVALID",
     "OFFSET",
+    "PIXEL",
     "ROWS",
     "SHARPNESS",
     "STEP",
     "TABLE_SIZE",
     "TOLERANCE",
+    "load_byte",
     "load_texel",
     "shade",
 ]
@@ -45,10 +49,13 @@ EDGE = CAMERA_SIZE + 4  # code step between texels that is a depth edge
 SHARPNESS = CAMERA_SIZE + 5  # pixels a radian, relative to the target's
 COLUMNS = CAMERA_SIZE + 6  # columns a radian (equirectangular)
 ROWS = CAMERA_SIZE + 7
-TABLE_SIZE = CAMERA_SIZE + 8
+PIXEL = CAMERA_SIZE + 8  # radians a pixel
+TABLE_SIZE = CAMERA_SIZE + 9
 
 OUTSIDE = -1e300  # stands for the depth code of a point that a view has no pixel for
 _CHUNKS = 64
+_SMOOTH = 16  # codes between four texels within which linear interpolation is as good as cubic
+_PEAK = 1023.0  # of 10-bit colours
 _BORDER_PX = 8.0  # over which a view fades out near its border
 
 F32 = npt.NDArray[np.float32]
@@ -64,6 +71,18 @@ def load_texel(typingctx: Any, address: Any, index: Any) -> Any:
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         pointer = builder.inttoptr(args[0], cgutils.ir.IntType(16).as_pointer())
+        value = builder.load(builder.gep(pointer, [args[1]]))
+        return builder.zext(value, ir.IntType(64))
+
+    return types.int64(types.int64, types.int64), codegen
+
+
+@intrinsic
+def load_byte(typingctx: Any, address: Any, index: Any) -> Any:
+    """The uint8 at address + index."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        pointer = builder.inttoptr(args[0], cgutils.ir.IntType(8).as_pointer())
         value = builder.load(builder.gep(pointer, [args[1]]))
         return builder.zext(value, ir.IntType(64))
 
@@ -149,10 +168,12 @@ def _project_row(table: F64, k: int, points: F64, images: F64) -> None:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
 def _weigh_row(table: F64, k: int, eye: F64, points: F64, images: F64, weights: F64) -> None:
-    """weights [w] of view k: small angle between its ray and the eye's, fine sampling, off the border."""
+    """weights [2, w] of view k's trusted and untrusted texels: small angle between its ray and the eye's, fine
+    sampling, off the border. Where the rays are within a pixel of each other, every texel is what the eye sees."""
     sharpness, width, height = table[k, SHARPNESS] * table[k, SHARPNESS], table[k, 1], table[k, 2]
     softest = 1.0 if table[k, 19] > 0.0 else 0.02  # a picture that wraps has no border
-    for x in range(weights.shape[0]):
+    pixel2 = table[k, PIXEL] * table[k, PIXEL]
+    for x in range(weights.shape[1]):
         ex, ey, ez = points[0, x] - eye[16], points[1, x] - eye[17], points[2, x] - eye[18]
         vx, vy, vz = points[0, x] - table[k, 16], points[1, x] - table[k, 17], points[2, x] - table[k, 18]
         ee, vv = ex * ex + ey * ey + ez * ez, vx * vx + vy * vy + vz * vz
@@ -164,7 +185,50 @@ def _weigh_row(table: F64, k: int, eye: F64, points: F64, images: F64, weights: 
         u, v = images[0, x], images[1, x]
         border = min(min(u, width - u), min(v, height - v)) * (1.0 / _BORDER_PX)
         border = min(1.0, max(softest, border))
-        weights[x] = border * (0.1 * vv + finer) * ee / (3e-5 * both + sine2)
+        weight = border * (0.1 * vv + finer) * ee / (3e-5 * both + sine2)
+        same, apart = pixel2 * both, sine2
+        weights[0, x], weights[1, x] = weight, weight * same * same / (same * same + apart * apart)
+
+
+@intrinsic
+def _sum_4x4(typingctx: Any, address: Any, width: Any, at: Any, across: Any, down: Any) -> Any:
+    """Of the uint16 plane at an address, sample `at` and its neighbours from one to the left and above to two to the
+    right and below: the sum weighted by four shares across and four down, a row at a time in a vector register."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        plane, stride, index, columns, rows = args
+        single, integers = ir.FloatType(), ir.VectorType(ir.IntType(16), 4)
+        vector = ir.VectorType(single, 4)
+        pointer = builder.inttoptr(plane, ir.IntType(16).as_pointer())
+
+        def share(shares: Any, k: int) -> Any:
+            return builder.fptrunc(builder.extract_value(shares, k), single)
+
+        total = ir.Constant(vector, None)
+        at = builder.sub(index, builder.add(stride, ir.Constant(stride.type, 1)))
+        for k in range(4):
+            row = builder.bitcast(builder.gep(pointer, [at]), integers.as_pointer())
+            samples = builder.uitofp(builder.load(row, align=2), vector)
+            spread = ir.Constant(vector, ir.Undefined)
+            for lane in range(4):
+                spread = builder.insert_element(spread, share(rows, k), ir.IntType(32)(lane))
+            total = builder.fadd(total, builder.fmul(samples, spread))
+            at = builder.add(at, stride)
+        result = ir.Constant(single, 0.0)
+        for lane in range(4):
+            column = builder.extract_element(total, ir.IntType(32)(lane))
+            result = builder.fadd(result, builder.fmul(column, share(columns, lane)))
+        return builder.fpext(result, ir.DoubleType())
+
+    shares = types.containers.UniTuple(types.float64, 4)
+    return types.float64(types.int64, types.int64, types.int64, shares, shares), codegen
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _cubic_shares(f: float) -> tuple[float, float, float, float]:
+    """Of the samples at -1, 0, 1 and 2 for a place f in [0, 1): cubic convolution with a = -1/2."""
+    g = 1.0 - f
+    return -0.5 * f * g * g, 1.0 + f * f * (1.5 * f - 2.5), 1.0 + g * g * (1.5 * g - 2.5), -0.5 * g * f * f
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -236,7 +300,7 @@ def _fetch(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _gather_row(
-    table: F64, addresses: I64, k: int, blend: int, images: F64, weights: F64, taken: U8, sums: F64
+    table: F64, addresses: I64, k: int, blend: int, cubic: bool, images: F64, weights: F64, taken: U8, sums: F64
 ) -> int:
     """Add view k to the row's sums [4, w] (weight, y, cb, cr) where it agrees; returns the pixels thus finished."""
     finished = 0
@@ -244,6 +308,9 @@ def _gather_row(
     width, height, half = int(table[k, 1]), int(table[k, 2]), (int(table[k, 1]) + 1) // 2
     edge, tolerance, lowest = table[k, EDGE], table[k, TOLERANCE], table[k, INVALID]
     depth, luma, chroma_b, chroma_r = addresses[k, 0], addresses[k, 1], addresses[k, 2], addresses[k, 3]
+    confidence, trusted, untrusted = addresses[k, 4], weights[0], weights[1]
+    # Where four by four samples of the chroma, and of the luma more so, lie inside the picture.
+    last_x, last_y = (width if cubic else 0) - 7, height - 7
     for x in range(taken.shape[0]):
         code = codes[x]
         if taken[x] >= blend or code == OUTSIDE:
@@ -263,20 +330,38 @@ def _gather_row(
             top, bottom = ca + fx * (cb - ca), cc + fx * (cd - cc)
             if abs(top + fy * (bottom - top) - code) > tolerance:
                 continue
+            share = trusted[x]
+            if confidence != 0:
+                trust = load_byte(confidence, int(v + 0.5) * width + int(u + 0.5)) * (1.0 / 255.0)
+                share = trust * share + (1.0 - trust) * untrusted[x]
+            weight[x] += share
             ya, yb = load_texel(luma, at), load_texel(luma, at + 1)
             yc, yd = load_texel(luma, at + width), load_texel(luma, at + width + 1)
-            top, bottom = ya + fx * (yb - ya), yc + fx * (yd - yc)
-            share = weights[x]
-            middle = (int(v + 0.5) >> 1) * half + (int(u + 0.5) >> 1)
-            weight[x] += share
-            ys[x] += share * (top + fy * (bottom - top))
-            bs[x] += share * load_texel(chroma_b, middle)
-            rs[x] += share * load_texel(chroma_r, middle)
+            rough = max(max(ya, yb), max(yc, yd)) - min(min(ya, yb), min(yc, yd)) > _SMOOTH
+            if rough & (x0 >= 3) & (y0 >= 3) & (x0 < last_x) & (y0 < last_y):
+                ys[x] += share * _sum_4x4(luma, width, at, _cubic_shares(fx), _cubic_shares(fy))
+                cu, cv = 0.5 * u - 0.25, 0.5 * v - 0.25
+                i, j = int(cu), int(cv)
+                cu, cv, middle = cu - i, cv - j, j * half + i
+                across, down = _cubic_shares(cu), _cubic_shares(cv)
+                bs[x] += share * _sum_4x4(chroma_b, half, middle, across, down)
+                rs[x] += share * _sum_4x4(chroma_r, half, middle, across, down)
+            else:
+                top, bottom = ya + fx * (yb - ya), yc + fx * (yd - yc)
+                middle = (int(v + 0.5) >> 1) * half + (int(u + 0.5) >> 1)
+                ys[x] += share * (top + fy * (bottom - top))
+                bs[x] += share * load_texel(chroma_b, middle)
+                rs[x] += share * load_texel(chroma_r, middle)
         else:
             y, b, r, share = _fetch(table, addresses, k, us[x], vs[x], code, False)
             if share <= 0.0:
                 continue
-            share *= weights[x]
+            if confidence != 0:
+                px, py = min(int(us[x]), width - 1), min(int(vs[x]), height - 1)
+                trust = load_byte(confidence, py * width + px) * (1.0 / 255.0)
+                share *= trust * trusted[x] + (1.0 - trust) * untrusted[x]
+            else:
+                share *= trusted[x]
             weight[x] += share
             ys[x] += share * y
             bs[x] += share * b
@@ -305,24 +390,28 @@ def _finish_row(
             )
             sums[0, x] = 1.0
         inverse = 1.0 / sums[0, x]
-        luma[x], chroma_b[x], chroma_r[x] = sums[1, x] * inverse, sums[2, x] * inverse, sums[3, x] * inverse
+        # Cubic convolution overshoots.
+        luma[x] = min(max(sums[1, x] * inverse, 0.0), _PEAK)
+        chroma_b[x] = min(max(sums[2, x] * inverse, 0.0), _PEAK)
+        chroma_r[x] = min(max(sums[3, x] * inverse, 0.0), _PEAK)
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def shade(
-    disparity: F32, winner: U8, camera: F64, table: F64, addresses: I64, n_views: int, blend: int,
+    disparity: F32, winner: U8, camera: F64, table: F64, addresses: I64, n_views: int, blend: int, cubic: bool,
     luma: F32, chroma_b: F32, chroma_r: F32,
 ) -> None:  # fmt: skip
     """Fill luma, chroma_b and chroma_r [h, w] where disparity > 0.
 
     Rows 0..n_views-1 of the table are the warped views in order of worth; further rows are backdrops, which
-    colour only the pixels that they won. At most `blend` agreeing views contribute to a pixel.
+    colour only the pixels that they won. At most `blend` agreeing views contribute to a pixel; with `cubic` they are
+    interpolated by cubic convolution where a surface is smooth.
     """
     h, w = disparity.shape
     chunks = min(h, _CHUNKS)
     for chunk in numba.prange(chunks):
         points, images, sums = np.empty((3, w)), np.empty((3, w)), np.empty((4, w))
-        weights, taken = np.ones(w), np.empty(w, np.uint8)
+        weights, taken = np.ones((2, w)), np.empty(w, np.uint8)
         # Rows are dealt out in turn: expensive regions spread over the threads.
         for y in range(np.int64(chunk), h, chunks):
             _unproject_row(camera, y, disparity[y], points)
@@ -338,7 +427,7 @@ def shade(
                 _project_row(table, k, points, images)
                 if blend > 1:
                     _weigh_row(table, k, camera, points, images, weights)
-                open_pixels -= _gather_row(table, addresses, k, blend, images, weights, taken, sums)
+                open_pixels -= _gather_row(table, addresses, k, blend, cubic, images, weights, taken, sums)
             _finish_row(
                 table, addresses, disparity[y], winner[y], points, sums, luma[y], chroma_b[y], chroma_r[y]
             )
