@@ -212,11 +212,11 @@ class Engine:
             with timed(report.stages, "backdrop"):
                 if backdrop is not None:
                     report.warped += canvas.draw_backdrop(
-                        backdrop, front.present, target, len(views), near, self._push(),
+                        backdrop, front.present, chosen, target, near, self._push(),
                         holes_only=not self.settings.overdraw,
                     )  # fmt: skip
                     report.holes_backdrop = hole_fraction(canvas.disparity)
-                    views.append(backdrop)
+                    views += [backdrop, *front.views]
             with timed(report.stages, "shade"):
                 fills = self.settings.fill and report.holes_backdrop < 1
                 if not fills:

@@ -65,7 +65,7 @@ class RenderedPicture:
     """One virtual camera's picture.
 
     disparity float32 [h, w] in 1/m, 0 where nothing was seen and only filling gave a colour. winner uint8 [h, w]:
-    which of `report.views` drew the pixel; their number means the backdrop.
+    which of `report.views` drew the pixel; their number means the backdrop, higher ones other present views.
     """
 
     camera: Camera
@@ -75,7 +75,7 @@ class RenderedPicture:
     report: PictureReport
 
     def holes(self, *, warped: bool = False) -> npt.NDArray[np.bool_]:
-        """Pixels [h, w] where nothing was drawn; with `warped`, also those that only the backdrop drew."""
+        """Pixels [h, w] where nothing was drawn; with `warped`, also those that no drawn view has."""
         empty: npt.NDArray[np.bool_] = self.disparity <= 0
         return empty | (self.winner >= len(self.report.views)) if warped else empty
 

@@ -169,23 +169,26 @@ class Canvas:
         )
 
     def draw_backdrop(
-        self, backdrop: PreparedView, present: ViewTable, target: Target, number: int, near: float, push: float,
-        *, holes_only: bool = False,
+        self, backdrop: PreparedView, present: ViewTable, drawn: Sequence[int], target: Target, near: float,
+        push: float, *, holes_only: bool = False,
     ) -> int:  # fmt: skip
         """Lay a backdrop behind what was drawn, `push` metres farther away than it is (section 3.4.2).
 
-        What one of the present views looks through is a ghost of the past and left out. With `holes_only` it is
-        drawn only near holes. Returns the number of triangles drawn.
+        What one of the present views looks through is a ghost of the past and left out; where one that is not among
+        `drawn` has a surface on a hole's ray before the backdrop's, that is what is seen (`kernels.composite`). With
+        `holes_only` it is drawn only near holes. Returns the number of triangles drawn.
         """
         tiles = self.hole_tiles() if holes_only else _EVERYWHERE
         self._backdrop.fill(0.0)
-        drawn = self._rasterise(
+        number = len(drawn)
+        triangles = self._rasterise(
             backdrop.mesh(), target, number, near, 0.0, push, self._backdrop, self._nobody, tiles
         )
         composite.lay_backdrop(
-            self._backdrop, target.packed, present.rows, present.addresses, push, number, self.disparity, self.winner
-        )
-        return drawn
+            self._backdrop, target.packed, present.rows, present.addresses, _others(present, drawn, target), push,
+            number, self.disparity, self.winner,
+        )  # fmt: skip
+        return triangles
 
     def _rasterise(
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float, push: float,
@@ -248,6 +251,15 @@ class Target:
         self.packed = camera.packed(origin)
         self.columns, self.rows = _directions(camera)
         self.radians_a_pixel = 1.0 / pixels_per_radian(camera)
+
+
+def _others(present: ViewTable, drawn: Sequence[int], target: Target) -> npt.NDArray[np.int64]:
+    """Rows of the views that are not drawn, those nearest to the virtual camera first; as many as have a number."""
+    distance = np.linalg.norm(present.rows[:, 16:19] - target.packed[16:19], axis=1)
+    distance[list(drawn)] = np.inf
+    numbered = np.iinfo(np.uint8).max - len(drawn)
+    order: npt.NDArray[np.int64] = np.argsort(distance, kind="stable")[: len(distance) - len(drawn)]
+    return order[order < numbered]
 
 
 def _directions(camera: Camera) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:

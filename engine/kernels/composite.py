@@ -6,6 +6,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from .present import present_depth
 from .project import project_point, unproject_point
 from .shade import INVALID, OFFSET, STEP, load_texel
 
@@ -39,13 +40,33 @@ def _sees_through(row: F64, codes: int, x: float, y: float, z: float, slack: flo
     return True
 
 
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _present(
+    table: F64, addresses: I64, order: I64, camera: F64, x: int, y: int, depth: float, limit: float
+) -> tuple[float, int]:
+    """Depth and view of the first view in `order` that has a surface on a pixel's ray, no farther than `limit`.
+
+    The first, not the nearest of all: it stands nearest to the eye, and the others would have to be asked as well.
+    """
+    for k in order:
+        found = present_depth(table[k], addresses[k, 0], camera, x, y, depth)
+        if found > 0.0 and found <= limit:
+            return found, k
+    return 0.0, -1
+
+
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def lay_backdrop(
-    backdrop: F32, camera: F64, table: F64, addresses: I64, slack: float, number: int, disparity: F32, winner: U8
-) -> None:
+    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: float, number: int,
+    disparity: F32, winner: U8,
+) -> None:  # fmt: skip
     """Take the backdrop's disparity where nothing was drawn or where it is clearly nearer, as view `number`.
 
     Not taken is what is a ghost of the past: a surface through which one of the table's (present) views looks.
+    `order` [n]: rows of the views that were not drawn, the most useful first. What stands before the background now,
+    they alone may know: where one has a surface on a hole's ray that is not behind the backdrop's (or anywhere on it,
+    if that is a ghost), the hole shows it, as view `number` + 1 + the view's row. And where there are such views, only
+    a backdrop that one of them confirms hides what was drawn.
     """
     h, w = disparity.shape
     for row in numba.prange(h):
@@ -60,6 +81,15 @@ def lay_backdrop(
                 if _sees_through(table[k], addresses[k, 0], px, py, pz, slack):
                     ghost = True
                     break
+            if len(order) > 0:
+                limit = np.inf if ghost and live <= 0.0 else 1.0 / q + slack
+                depth, view = _present(table, addresses, order, camera, x, y, 1.0 / q, limit)
+                if live > 0.0:
+                    ghost |= view < 0 or depth < 1.0 / q - slack
+                elif view >= 0:
+                    disparity[y, x] = 1.0 / depth
+                    winner[y, x] = number + 1 + view
+                    continue
             if not ghost:
                 disparity[y, x] = q
                 winner[y, x] = number
