@@ -11,6 +11,15 @@ __all__ = ["command"]
 
 
 def command(
+    folders: Annotated[
+        list[Path] | None, typer.Argument(metavar="[FOLDER ...]", help="Sequences, or folders of them (--accuracy).")
+    ] = None,
+    accuracy: Annotated[
+        bool, typer.Option("--accuracy", help="All quality figures over FOLDERs and --twins, with a report.")
+    ] = False,
+    twins: Annotated[
+        str | None, typer.Option(metavar="NAME,...", help="Twins to make on the fly, at --scale (--accuracy).")
+    ] = None,
     peers: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Sequences whose README has the figures of other renderers."),
@@ -22,23 +31,41 @@ def command(
         Path | None,
         typer.Option(metavar="SEQ", help="Few views with the model against few and all without it, by truth."),
     ] = None,
-    views: Annotated[int, typer.Option(help="What --model calls few views.", min=1)] = 5,
-    camera: Annotated[
-        list[str] | None, typer.Option(help="Virtual cameras of --model; without it those inside the rig.")
+    views: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N,...|all", help="Views given: what --model calls few (5), for --accuracy a list (2,3,5,all)."
+        ),
     ] = None,
-    every: Annotated[int, typer.Option(help="Look at every so many frames (--model).", min=1)] = 12,
+    camera: Annotated[
+        list[str] | None, typer.Option(help="Virtual cameras (--model, --accuracy); without it those inside the rig.")
+    ] = None,
+    every: Annotated[
+        int | None, typer.Option(help="Look at every so many frames (--model 12, --accuracy 15).", min=1)
+    ] = None,
     pairs: Annotated[
         str | None, typer.Option(metavar="NAME", help="Stereo pairs a second of a twin while the model is updated.")
     ] = None,
-    scale: Annotated[float, typer.Option(help="Size of the twin's pictures (--ghosts, --pairs).")] = 0.25,
-    frames: Annotated[int, typer.Option(help="Frames to play, at most.", min=1)] = 100,
-    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for plots.")] = None,
-    quality: Annotated[str, typer.Option(help="fast, balanced or best.")] = "best",
-    background: Annotated[bool, typer.Option("--background/--no-background", help="The model.")] = True,
+    scale: Annotated[float, typer.Option(help="Size of a twin's pictures.")] = 0.25,
+    frames: Annotated[
+        int | None, typer.Option(help="Frames to play, at most (--accuracy 16, else 100).", min=1)
+    ] = None,
+    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for plots, pictures and figures.")] = None,
+    quality: Annotated[str, typer.Option(help="fast, balanced or best; a list for --accuracy.")] = "best",
+    background: Annotated[
+        bool | None, typer.Option("--background/--no-background", help="The model; --accuracy: both without this.")
+    ] = None,
 ) -> None:
     """Measure speed and quality."""
-    if peers is None and ghosts is None and model is None and pairs is None:
-        raise ValueError("bench: nothing to measure: expected --peers FOLDER, --model SEQ, --ghosts or --pairs NAME")
+    if not accuracy and peers is None and ghosts is None and model is None and pairs is None:
+        raise ValueError(
+            "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model SEQ, --ghosts or --pairs NAME"
+        )
+    if accuracy:
+        from .benchmarks.accuracy import make_plan, show_accuracy
+
+        plan = make_plan(views, background, quality, frames, every)
+        show_accuracy(folders or [], twins, scale, camera or [], plan, report)
     if pairs is not None:
         from .benchmarks.pairs import show_pairs
 
@@ -46,12 +73,12 @@ def command(
     if peers is not None:
         from .benchmarks.peers import show_peers
 
-        show_peers(peers, quality, background)
+        show_peers(peers, quality, background is not False)
     if model is not None:
         from .benchmarks.model import show_model
 
-        show_model(model, camera, frames, every, quality, views, report)
+        show_model(model, camera, frames or 100, every or 12, quality, views or "5", report)
     if ghosts is not None:
         from .benchmarks.ghosts import show_ghosts
 
-        show_ghosts(ghosts, scale, frames, quality, report)
+        show_ghosts(ghosts, scale, frames or 100, quality, report)

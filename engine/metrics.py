@@ -14,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from . import threads
+from .camera import Camera, Equirectangular
 from .frame import Texture
 from .kernels.metrics import match_errors, similarity_rows
 
-__all__ = ["Erp", "iv_psnr", "psnr", "ssim", "ws_psnr"]
+__all__ = ["Erp", "erp_range", "iv_psnr", "psnr", "ssim", "ws_psnr"]
 
 WEIGHTS = np.array([4, 1, 1])  # of Y, Cb, Cr: in the search for matches and in the mean of their PSNRs
 UNNOTICEABLE = 0.01  # of the peak: the largest global colour difference that is forgiven
@@ -25,6 +26,14 @@ WINDOW, SIGMA, K1, K2 = 11, 1.5, 0.01, 0.03  # SSIM: pixels each way, standard d
 
 Erp = tuple[float, float]  # horizontal and vertical range of an equirectangular picture, degrees
 FloatArray = npt.NDArray[np.float64]
+
+
+def erp_range(camera: Camera) -> Erp | None:
+    """Ranges of an equirectangular camera in degrees; None for others."""
+    p = camera.projection
+    if not isinstance(p, Equirectangular):
+        return None
+    return math.degrees(float(np.ptp(p.hor_range))), math.degrees(float(np.ptp(p.ver_range)))
 
 
 def psnr(ref: Texture, test: Texture, *, bits: int = 10) -> tuple[float, float, float]:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from ..camera import Equirectangular
 from ..colour import to_rgb
 from ..engine import Engine
-from ..metrics import iv_psnr, psnr
+from ..metrics import erp_range, iv_psnr, psnr
 from ..settings import Settings
 from ..tmiv import Sequence as TmivSequence
 
@@ -73,11 +71,7 @@ def compare_model(
         for mode in MODES[1:]:
             engines[mode].update(frame)
         for name, camera in viewers.items():
-            truth, p = sequence.texture(name, index), camera.projection
-            erp = None
-            if isinstance(p, Equirectangular):
-                ranges = (p.hor_range, p.ver_range)
-                erp = (math.degrees(np.ptp(ranges[0])), math.degrees(np.ptp(ranges[1])))
+            truth, erp = sequence.texture(name, index), erp_range(camera)
             for mode, engine in engines.items():
                 picture = engine.render_camera(camera, name)
                 yield ModelSample(

@@ -16,7 +16,8 @@ import numpy as np
 from ..engine import Engine
 from ..metrics import iv_psnr, psnr
 from ..settings import Settings
-from ..tmiv import Sequence, open_sequence
+from ..tmiv import open_sequence
+from .material import Material
 
 __all__ = ["PeerRow", "nearest_views", "peer_rows", "read_peer_table"]
 
@@ -55,7 +56,7 @@ def read_peer_table(readme: Path) -> list[PeerRow]:
     return rows
 
 
-def nearest_views(sequence: Sequence, target: str, count: int) -> tuple[str, ...]:
+def nearest_views(sequence: Material, target: str, count: int) -> tuple[str, ...]:
     """The `count` source views nearest to a camera by position, in the sequence's order."""
     position = np.array(sequence.camera(target).pose.position)
     distance = {

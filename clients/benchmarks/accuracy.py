@@ -1,0 +1,68 @@
+"""`farside bench --accuracy`: every quality figure, over sequences and twins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from farside.engine.bench.accuracy import Plan, Sample, judge_pictures, picture_count
+from farside.engine.bench.accuracy_report import Report, summary_table
+from farside.engine.bench.material import Material, TwinMaterial, default_targets, find_sequences
+from farside.engine.synth import make_twin
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+__all__ = ["make_plan", "show_accuracy"]
+
+
+def show_accuracy(
+    folders: Sequence[Path], twins: str | None, scale: float, chosen: Sequence[str], plan: Plan, report: Path | None
+) -> None:
+    """Print a row for each sequence, quality, number of views and model; with `report`, write figures and a page."""
+    materials: list[Material] = list(find_sequences(folders))
+    materials += [TwinMaterial(make_twin(name, scale)) for name in (twins.split(",") if twins else ())]
+    if not materials:
+        raise ValueError("bench --accuracy: nothing to render: expected folders of sequences or --twins NAME,...")
+    work = [(material, list(chosen) or default_targets(material)) for material in materials]
+    pages, samples = Report(report) if report else None, list[Sample]()
+    with Progress(console=Console(stderr=True)) as bar:
+        for material, targets in work:
+            task = bar.add_task(material.name, total=picture_count(material, targets, plan))
+            for judged in judge_pictures(material, targets, plan):
+                samples.append(judged.sample)
+                if pages:
+                    pages.add(judged)
+                bar.advance(task)
+    console = Console(width=180)
+    console.print(_table(samples))
+    if pages:
+        console.print(f"report: {pages.finish('Accuracy: ' + ', '.join(material.name for material in materials))}")
+
+
+def make_plan(
+    views: str | None, background: bool | None, quality: str, frames: int | None, every: int | None
+) -> Plan:
+    """The plan of the command line's options, those that are None by default; ValueError for what cannot be read."""
+    parts = views.split(",") if views else []
+    if not all(part == "all" or (part.isdecimal() and int(part)) for part in parts):
+        raise ValueError(f"--views: {views!r}: expected numbers of at least 1, or all, as in 2,5,all")
+    given = {
+        "views": tuple(0 if part == "all" else int(part) for part in parts) or None,
+        "model": None if background is None else (background,),
+        "frames": frames,
+        "every": every,
+    }
+    changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    return Plan(qualities=tuple(quality.split(",")), **changes)
+
+
+def _table(samples: Sequence[Sample]) -> Table:
+    titles, rows = summary_table(samples)
+    table = Table(title="Means over cameras and frames; PSNR in dB")
+    for title in titles:
+        table.add_column(title, justify="right")
+    for row in rows:
+        table.add_row(*row)
+    return table
