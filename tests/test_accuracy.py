@@ -109,6 +109,7 @@ def test_a_camera_of_the_rig_is_its_own_view():
         assert own.sample.psnr_y > (45 if own.sample.case.model else 60)
         assert own.sample.ssim > 0.99
         assert abs(own.sample.bias_px) < 0.1  # the picture has four samples a pixel, its judge sixteen
+        assert own.sample.roughness_px == pytest.approx(own.sample.truth_roughness_px, abs=0.03)
         assert own.sample.holes_warped < 0.01
 
 

@@ -41,9 +41,7 @@ def show_accuracy(
         console.print(f"report: {pages.finish('Accuracy: ' + ', '.join(material.name for material in materials))}")
 
 
-def make_plan(
-    views: str | None, background: bool | None, quality: str, frames: int | None, every: int | None
-) -> Plan:
+def make_plan(views: str | None, background: bool | None, quality: str, frames: int | None, every: int | None) -> Plan:
     """The plan of the command line's options, those that are None by default; ValueError for what cannot be read."""
     parts = views.split(",") if views else []
     if not all(part == "all" or (part.isdecimal() and int(part)) for part in parts):

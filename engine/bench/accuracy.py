@@ -67,7 +67,7 @@ class Sample:
     PSNRs in dB (ws_psnr_y for equirectangular cameras). holes_warped, holes_backdrop, ghosts: fractions of pixels
     before and after the backdrop, and where the model of a twin is too near. flicker: change since the frame before
     over that of the truth, where truth keeps still. bias_px, roughness_px, silhouettes, thin, thin_pixels: twins,
-    see `silhouettes`.
+    see `silhouettes`; truth_roughness_px: of the truth itself, whose pictures have four samples a pixel.
     """
 
     case: Case
@@ -82,6 +82,7 @@ class Sample:
     flicker: float | None = None
     bias_px: float | None = None
     roughness_px: float | None = None
+    truth_roughness_px: float | None = None
     silhouettes: int | None = None
     thin: float | None = None
     thin_pixels: int | None = None
@@ -182,12 +183,14 @@ class _Player:
         )
         if not isinstance(self.material, TwinMaterial):
             return sample
-        edges, model = judge_silhouettes(self.material.fine(name, index), picture), self.engine.model
+        fine, model = self.material.fine(name, index), self.engine.model
+        edges = judge_silhouettes(fine, picture.texture, picture.disparity)
         return dataclasses.replace(
             sample,
             ghosts=self.material.ghosts(name, index, model) if model else None,
             bias_px=_known(edges.bias_px),
             roughness_px=_known(edges.roughness_px),
+            truth_roughness_px=_known(self.material.roughness(name, index)),
             silhouettes=edges.silhouettes,
             thin=_known(edges.thin),
             thin_pixels=edges.thin_pixels,
@@ -223,7 +226,7 @@ def summarise(samples: Sequence[Sample]) -> list[dict[str, object]]:
         plain = ("psnr_y", "ws_psnr_y", "iv_psnr", "ssim", "holes_warped", "holes_backdrop", "ghosts", "flicker")
         row |= {"pictures": len(group)} | {name: _mean(group, name) for name in plain}
         row["worst"] = min(sample.iv_psnr for sample in group)
-        row |= {name: _mean(group, name, "silhouettes") for name in ("bias_px", "roughness_px")}
+        row |= {name: _mean(group, name, "silhouettes") for name in ("bias_px", "roughness_px", "truth_roughness_px")}
         row["thin"] = _mean(group, "thin", "thin_pixels")
         rows.append(row)
     return rows

@@ -51,6 +51,7 @@ SUMMARY: tuple[tuple[str, str, Callable[..., str]], ...] = (
     ("flicker", "flicker", "{:.2f}".format),
     ("bias_px", "bias px", "{:+.3f}".format),
     ("roughness_px", "rough px", "{:.3f}".format),
+    ("truth_roughness_px", "(truth)", "{:.3f}".format),
     ("thin", "thin", lambda share: f"{100 * share:.1f} %"),
 )
 
@@ -58,7 +59,8 @@ MEANING = """Means over cameras and frames. PSNR in dB; WS-PSNR of equirectangul
 of a picture. Holes: pixels that no view drew, and that the background model did not close either. Ghosts: pixels where
 the model is nearer than both the background and the present. Flicker: change from the frame before over that of the
 truth, where the truth keeps still. Bias: by how much silhouettes reach out too far (fattened, above 0) or not far
-enough; rough: RMS about their smooth course (serration). Thin: the part of structures up to two pixels wide that is
+enough; rough: RMS about their smooth course (serration), beside that of the truth itself, whose pixels have four
+samples. Thin: the part of structures up to two pixels wide that is
 rendered at its depth. Ghosts, bias, rough and thin: twins only."""
 
 STYLE = """

@@ -19,7 +19,7 @@ from ..tmiv import open_sequence
 from ..tmiv_json import TmivError, find_json
 from .background import inside_rig
 from .ghosts import ghost_pixels, inside_cameras
-from .silhouettes import fine_camera
+from .silhouettes import fine_camera, judge_silhouettes
 
 __all__ = ["Material", "TwinMaterial", "default_targets", "find_sequences"]
 
@@ -83,6 +83,12 @@ class TwinMaterial:
             single = dataclasses.replace(self.twin, samples=1)
             self._fine[name, frame] = single.truth(fine_camera(self.camera(name)), frame)
         return self._fine[name, frame]
+
+    def roughness(self, name: str, frame: int) -> float:
+        """Roughness of the ground truth's own silhouettes, pixels: a twin's pictures have four samples a pixel."""
+        truth = self.twin.truth(self.camera(name), frame)
+        disparity = truth.camera.depth.disparity(truth.codes)
+        return judge_silhouettes(self.fine(name, frame), truth.texture, disparity).roughness_px
 
     def ghosts(self, name: str, frame: int, model: BackgroundModel) -> float:
         """Fraction of pixels where the model shows what is neither there nor background."""

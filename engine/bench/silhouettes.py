@@ -15,7 +15,6 @@ import numpy.typing as npt
 from ..camera import Camera
 from ..frame import Texture, View
 from ..kernels.silhouettes import FINE, silhouette_offsets, thin_structures
-from ..stereo import RenderedPicture
 
 __all__ = ["SilhouetteFigures", "fine_camera", "judge_silhouettes"]
 
@@ -47,15 +46,18 @@ def fine_camera(camera: Camera) -> Camera:
     return dataclasses.replace(camera, projection=camera.projection.scaled(FINE))
 
 
-def judge_silhouettes(fine: View, picture: RenderedPicture) -> SilhouetteFigures:
-    """Figures of a picture; `fine` is what its `fine_camera` sees. ValueError where the sizes do not fit."""
-    h, w = picture.disparity.shape
+def judge_silhouettes(fine: View, texture: Texture, rendered: npt.NDArray[np.floating]) -> SilhouetteFigures:
+    """Figures of a picture and its disparity [h, w] in 1/m, 0 for holes; `fine` is what its `fine_camera` sees.
+
+    Raises ValueError where the sizes do not fit.
+    """
+    h, w = rendered.shape
     if fine.codes.shape != (FINE * h, FINE * w):
         raise ValueError(f"fine: {fine.codes.shape[::-1]}: expected {FINE} times the picture's {(w, h)}")
     disparity = fine.camera.depth.disparity(fine.codes)
-    offsets = silhouette_offsets(disparity, _coarse(fine.texture), picture.texture.y.astype(float), STEP, CONTRAST)
+    offsets = silhouette_offsets(disparity, _coarse(fine.texture), texture.y.astype(float), STEP, CONTRAST)
     bias, roughness, count = _bias_and_roughness(offsets)
-    found = _thin(disparity, picture.disparity)
+    found = _thin(disparity, rendered)
     return SilhouetteFigures(bias, roughness, count, float(found.mean()) if found.size else math.nan, found.size)
 
 
@@ -91,7 +93,7 @@ def _box_sums(values: FloatArray) -> FloatArray:
     return values
 
 
-def _thin(disparity: FloatArray, rendered: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+def _thin(disparity: FloatArray, rendered: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
     """For each pixel whose middle shows a thin structure, whether what was rendered there is at its depth."""
     behind = thin_structures(disparity, STEP, THIN_PX * FINE)
     h, w = rendered.shape

@@ -165,7 +165,5 @@ def thin_structures(disparity: FloatArray, step: float, width: int) -> FloatArra
     behind = np.zeros((h, w))
     for y in numba.prange(h):
         for x in range(w):
-            behind[y, x] = max(
-                _behind(disparity[y], x, step, width), _behind(disparity[:, x], y, step, width)
-            )
+            behind[y, x] = max(_behind(disparity[y], x, step, width), _behind(disparity[:, x], y, step, width))
     return behind
