@@ -9,6 +9,7 @@ import re
 import numpy as np
 import pytest
 from farside.clients import bench
+from farside.clients.benchmarks import accuracy
 from farside.clients.benchmarks.accuracy import make_plan
 from farside.clients.compare import compare
 from farside.engine.bench.accuracy import Case, Plan, Sample, judge_pictures, picture_count, summarise
@@ -144,6 +145,17 @@ def test_a_table_is_printed_without_a_report_too(capsys):
     assert TWIN in printed
     assert "bias px" in printed
     assert "WS-PSNR" not in printed  # no equirectangular camera
+
+
+def test_what_was_measured_before_an_interrupt_is_reported(judged, tmp_path, monkeypatch, capsys):
+    def interrupted(*_arguments):
+        yield judged[0]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(accuracy, "judge_pictures", interrupted)
+    bench.command(accuracy=True, twins=TWIN, scale=SCALE, report=tmp_path)
+    assert f"{judged[0].sample.iv_psnr:.2f}" in capsys.readouterr().out
+    assert len(json.loads((tmp_path / "accuracy.json").read_text())["samples"]) == 1
 
 
 def test_silhouettes_weigh_as_many_as_they_are():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,8 @@ def show_accuracy(
         raise ValueError("bench --accuracy: nothing to render: expected folders of sequences or --twins NAME,...")
     work = [(material, list(chosen) or default_targets(material)) for material in materials]
     pages, samples = Report(report) if report else None, list[Sample]()
-    with Progress(console=Console(stderr=True)) as bar:
+    # Stopped half-way there are still figures of what was done.
+    with suppress(KeyboardInterrupt), Progress(console=Console(stderr=True)) as bar:
         for material, targets in work:
             task = bar.add_task(material.name, total=picture_count(material, targets, plan))
             for judged in judge_pictures(material, targets, plan):
