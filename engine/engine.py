@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -224,6 +225,9 @@ class Engine:
                 if views:
                     table = ViewTable(views, blended=len(chosen) if self.settings.blend > 1 else 0)
                     canvas.shade(target, table, len(chosen), self.settings.blend, cubic=self.settings.cubic)
+            with timed(report.stages, "antialias"):
+                if self.settings.antialias and views:
+                    self._smooth_silhouettes(canvas, camera, front, chosen, backdrop, table)
             with timed(report.stages, "fill"):
                 report.holes_filled = report.holes_backdrop
                 if fills and report.holes_backdrop > 0:
@@ -245,6 +249,25 @@ class Engine:
             # Half a pixel round everything is known less well: it goes only where no view has a surface.
             warped += canvas.draw_rims(views, target, near)
         return warped
+
+    def _smooth_silhouettes(
+        self, canvas: Canvas, camera: Camera, front: _FrontBuffer, chosen: Sequence[int],
+        backdrop: PreparedView | None, table: ViewTable,
+    ) -> None:  # fmt: skip
+        """Draw pixels at silhouettes again, at twice the size, and average."""
+        step = front.scene.triangulation(camera, self.settings).edge
+        double = dataclasses.replace(camera, projection=camera.projection.scaled(2.0))
+        target, near = Target(double, front.scene.origin), 0.02 * front.scene.coding.near
+        with self._canvas(double) as fine:
+            fine.clear(canvas.silhouettes(step))
+            self._draw_views(fine, [front.views[k] for k in chosen], target, near)
+            if backdrop is not None:
+                fine.draw_backdrop(
+                    backdrop, front.present, chosen, target, near, self._push(),
+                    holes_only=not self.settings.overdraw,
+                )  # fmt: skip
+            fine.shade(target, table, len(chosen), self.settings.blend, cubic=self.settings.cubic)
+            canvas.average(fine)
 
     def _push(self) -> float:
         """Metres by which the backdrop is moved backwards (section 3.4.2)."""

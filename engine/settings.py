@@ -31,6 +31,7 @@ class Settings:
     culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
     blend: int = 3  # how many of the rendered views may contribute to a pixel's colour
+    antialias: bool = False  # silhouettes from four samples a pixel
     cubic: bool = False  # cubic instead of bilinear interpolation of the views' colours
     jpeg_quality: int = 90
 
@@ -54,7 +55,7 @@ class Settings:
         presets = {
             "fast": cls(tolerance_px=0.5, overdraw=False, rims=False, blend=1, pbi_scale=0.33, jpeg_quality=80),
             "balanced": cls(pbi_scale=0.5, cubic=True),
-            "best": cls(tolerance_px=0.1, blend=5, cubic=True),
+            "best": cls(tolerance_px=0.1, blend=5, cubic=True, antialias=True),
         }
         if quality not in presets:
             raise ValueError(f"quality: {quality!r}: expected one of {', '.join(QUALITIES)}")

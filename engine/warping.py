@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from .camera import Camera, Equirectangular, Perspective
 from .frame import Texture, View
-from .kernels import composite, confidence, rasterise, shade
+from .kernels import antialias, composite, confidence, rasterise, shade
 from .kernels import fill as fill_kernels
 from .mesh import Mesh
 from .triangulation import TriangulationOptions, triangulate
@@ -124,16 +124,25 @@ class Canvas:
         self.winner = np.zeros(shape, np.uint8)
         self._backdrop = np.zeros(shape, np.float32)
         self._nobody = np.zeros(shape, np.uint8)
-        self._tiles = np.zeros((math.ceil(height / rasterise.TILE), math.ceil(width / rasterise.TILE)), np.uint8)
+        self._tiles = np.zeros(_tiling(height, width), np.uint8)
+        self._marks: npt.NDArray[np.uint8] | None = None  # pixels of a picture of half the size that are meant
+        self._marked_tiles = _EVERYWHERE
         self.planes = (np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32))
         self._band_rows = max(1, math.ceil(height / _BANDS))
         self._counts = np.empty((_CHUNKS, math.ceil(height / self._band_rows)), np.int64)
         self._lists = np.empty(0, np.int32)
         self._screen = np.empty(0, np.float32)
 
-    def clear(self) -> None:
-        """Forget the last picture's surfaces."""
+    def clear(self, marks: npt.NDArray[np.uint8] | None = None) -> None:
+        """Forget the last picture's surfaces.
+
+        With `marks`, pixels of a picture of half the size, only what belongs to those is drawn and shaded.
+        """
         self.disparity.fill(0.0)
+        self._marks, self._marked_tiles = marks, _EVERYWHERE
+        if marks is not None:
+            self._marked_tiles = np.empty_like(self._tiles)
+            antialias.mark_tiles(marks, rasterise.TILE // 2, self._marked_tiles)
 
     def grey(self) -> None:
         """Paint everything grey: what will be seen where nothing is drawn or filled."""
@@ -143,7 +152,20 @@ class Canvas:
     def hole_tiles(self) -> npt.NDArray[np.uint8]:
         """Tiles of the picture with pixels that nothing was drawn to; valid until the next call."""
         rasterise.mark_hole_tiles(self.disparity, self._tiles)
+        if self._marks is not None:
+            self._tiles &= self._marked_tiles
         return self._tiles
+
+    def silhouettes(self, step: float) -> npt.NDArray[np.uint8]:
+        """Pixels [h, w] at which surfaces more than `step` (disparity, 1/m) apart meet: 1, others 0."""
+        marks = np.empty(self.disparity.shape, np.uint8)
+        antialias.mark_silhouettes(self.disparity, step, marks)
+        return marks
+
+    def average(self, fine: Canvas) -> None:
+        """Take what is marked from a shaded canvas of twice the size that was cleared with marks."""
+        assert fine._marks is not None
+        antialias.average_marked(fine._marks, fine.disparity, *fine.planes, *self.planes)
 
     def draw(
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float,
@@ -153,9 +175,9 @@ class Canvas:
 
         With `tiles` only triangles that touch a marked one are drawn. Returns the number of triangles drawn.
         """
-        if tiles is not None and not tiles.any():
+        tiles = self._marked_tiles if tiles is None else tiles
+        if tiles.size and not tiles.any():
             return 0
-        tiles = _EVERYWHERE if tiles is None else tiles
         return self._rasterise(mesh, target, number, near, margin, 0.0, self.disparity, self.winner, tiles)
 
     def draw_rims(self, views: Sequence[PreparedView], target: Target, near: float) -> int:
@@ -178,12 +200,14 @@ class Canvas:
         `drawn` has a surface on a hole's ray before the backdrop's, that is what is seen (`kernels.composite`). With
         `holes_only` it is drawn only near holes. Returns the number of triangles drawn.
         """
-        tiles = self.hole_tiles() if holes_only else _EVERYWHERE
+        tiles = self.hole_tiles() if holes_only else self._marked_tiles
         self._backdrop.fill(0.0)
         number = len(drawn)
         triangles = self._rasterise(
             backdrop.mesh(), target, number, near, 0.0, push, self._backdrop, self._nobody, tiles
         )
+        if self._marks is not None:
+            antialias.keep_marked(self._marks, self._backdrop)
         composite.lay_backdrop(
             self._backdrop, target.packed, present.rows, present.addresses, _others(present, drawn, target), push,
             number, self.disparity, self.winner,
@@ -228,6 +252,8 @@ class Canvas:
 
     def shade(self, target: Target, views: ViewTable, n_views: int, blend: int, *, cubic: bool = False) -> None:
         """Colour what was drawn; views after the first n_views are backdrops."""
+        if self._marks is not None:
+            antialias.keep_marked(self._marks, self.disparity)
         table = views.rows.copy()
         table[:, shade.SHARPNESS] *= target.radians_a_pixel
         shade.shade(
@@ -242,6 +268,10 @@ class Canvas:
         out = Texture(np.empty((h, w), np.uint16), np.empty(half, np.uint16), np.empty(half, np.uint16))
         fill_kernels.pack_420(*self.planes, out.y, out.cb, out.cr)
         return out
+
+
+def _tiling(height: int, width: int) -> tuple[int, int]:
+    return math.ceil(height / rasterise.TILE), math.ceil(width / rasterise.TILE)
 
 
 class Target:
