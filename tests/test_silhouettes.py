@@ -36,7 +36,8 @@ def truth(inside, near=800.0, far=200.0):
 
 
 def rendered(cover, near=800.0, far=200.0, disparity=None):
-    luma = far + cover * (near - far)
+    light = [((code - 64) / 876) ** 2 for code in (near, far)]
+    luma = 64 + 876 * np.sqrt(light[1] + cover * (light[0] - light[1]))
     if disparity is None:
         disparity = np.where(cover > 0.5, 1 / NEAR, 1 / FAR)
     return texture(luma), disparity.astype(np.float32)

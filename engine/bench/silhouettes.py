@@ -1,6 +1,7 @@
 """Silhouettes and thin structures of rendered pictures against a twin's ground truth with 4x4 samples a pixel.
 
-A silhouette is fattened where more of a pixel's luma is the near side's than in truth, thinned where less is.
+A silhouette is fattened where more of a pixel's light is the near side's than in truth, thinned where less is. Light,
+not luma: a twin's pixel is the mean light of its samples, coded with a gamma of 2.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ __all__ = ["SilhouetteFigures", "fine_camera", "judge_silhouettes"]
 FloatArray = npt.NDArray[np.float64]
 
 STEP = 0.05  # relative step of disparity from sample to sample that makes a silhouette
-CONTRAST = 60.0  # 10-bit codes of luma between the sides, at least
+CONTRAST = 0.05  # of the light of white between the sides, at least
+BLACK, WHITE = 64, 940  # codes of luma
 THIN_PX = 2  # structures up to this width are thin
 _NEIGHBOURS = 4  # silhouette pixels: half the side of the square whose mean is the smooth course of a silhouette
 
@@ -55,17 +57,17 @@ def judge_silhouettes(fine: View, texture: Texture, rendered: npt.NDArray[np.flo
     if fine.codes.shape != (FINE * h, FINE * w):
         raise ValueError(f"fine: {fine.codes.shape[::-1]}: expected {FINE} times the picture's {(w, h)}")
     disparity = fine.camera.depth.disparity(fine.codes)
-    offsets = silhouette_offsets(disparity, _coarse(fine.texture), texture.y.astype(float), STEP, CONTRAST)
+    light = _light(fine.texture).reshape(h, FINE, w, FINE).mean(axis=(1, 3))
+    offsets = silhouette_offsets(disparity, light, _light(texture), STEP, CONTRAST)
     bias, roughness, count = _bias_and_roughness(offsets)
     found = _thin(disparity, rendered)
     return SilhouetteFigures(bias, roughness, count, float(found.mean()) if found.size else math.nan, found.size)
 
 
-def _coarse(texture: Texture) -> FloatArray:
-    """Mean luma of each pixel's samples."""
-    h, w = texture.y.shape
-    means: FloatArray = texture.y.reshape(h // FINE, FINE, w // FINE, FINE).mean(axis=(1, 3))
-    return means
+def _light(texture: Texture) -> FloatArray:
+    """Light of luma codes, 1 for white."""
+    light: FloatArray = np.maximum((texture.y.astype(np.float64) - BLACK) / (WHITE - BLACK), 0.0) ** 2
+    return light
 
 
 def _bias_and_roughness(offsets: FloatArray) -> tuple[float, float, int]:

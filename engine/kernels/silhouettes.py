@@ -15,7 +15,7 @@ __all__ = ["FINE", "HALF", "silhouette_offsets", "thin_structures"]
 
 FINE = 4  # samples of ground truth along each side of a pixel
 HALF = 3  # pixels looked at to both sides of a silhouette
-_SPREADS = 3.0  # standard deviations of luma, both sides' together, that must lie between the sides
+_SPREADS = 3.0  # standard deviations of light, both sides' together, that must lie between the sides
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -70,24 +70,24 @@ def _crosses(profile: FloatArray) -> bool:
 
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
-def _side(luma: FloatArray, cover: FloatArray, value: float, along_x: bool) -> tuple[float, float]:
-    """Mean and standard deviation of luma over three lines' pixels whose coverage is `value`; luma as cover."""
+def _side(light: FloatArray, cover: FloatArray, value: float, along_x: bool) -> tuple[float, float]:
+    """Mean and standard deviation of light over three lines' pixels whose coverage is `value`; as large as cover."""
     count, total, squares = 0, 0.0, 0.0
     for k in range(2 * HALF + 1):
         for line in range(HALF - 1, HALF + 2):
             j, i = (line, k) if along_x else (k, line)
             if cover[j, i] == value:
                 count += 1
-                total += luma[j, i]
-                squares += luma[j, i] ** 2
+                total += light[j, i]
+                squares += light[j, i] ** 2
     mean = total / count
     return mean, math.sqrt(max(0.0, squares / count - mean * mean))
 
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
-def _share(luma: float, far: float, near: float) -> float:
-    """How much of a pixel's luma is the near side's."""
-    return min(1.0, max(0.0, (luma - far) / (near - far)))
+def _share(light: float, far: float, near: float) -> float:
+    """How much of a pixel's light is the near side's."""
+    return min(1.0, max(0.0, (light - far) / (near - far)))
 
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
@@ -116,17 +116,17 @@ def _offset(cover: FloatArray, truth: FloatArray, picture: FloatArray, contrast:
 @numba.njit(cache=True, error_model="numpy", parallel=True, nogil=True)
 def silhouette_offsets(
     disparity: FloatArray,  # [FINE h, FINE w], 1/m, of truth, everywhere above 0
-    truth: FloatArray,  # [h, w], luma
-    picture: FloatArray,  # [h, w], luma
+    truth: FloatArray,  # [h, w], light: linear in coverage
+    picture: FloatArray,  # [h, w], light
     step: float,
-    contrast: float,  # least difference of luma between the sides
+    contrast: float,  # least difference of light between the sides
 ) -> FloatArray:  # [h, w]
     """How far silhouettes of the picture lie outside those of truth, in pixels along their normal; else nan.
 
-    Across a silhouette (along x or y, whichever is nearer to its normal) luma is read as a mixture of the near side's
+    Across a silhouette (along x or y, whichever is nearer to its normal) light is read as a mixture of the near side's
     and the far side's; what the shares sum to, less the same of truth, is the displacement, whatever the blur. One
     value a silhouette and line, at the pixel that it crosses; only where coverage rises from 0 to 1 within HALF pixels
-    and the sides' lumas are well apart.
+    and the sides' lights are well apart.
     """
     h, w = truth.shape
     size = 2 * HALF + 1
