@@ -25,7 +25,7 @@ __all__ = ["RenderJob", "Renderer", "Targets", "summary"]
 
 STAGES = ("ingest", "triangulate", "background", "pbi", "warp", "fill", "total")
 # Stages of a picture as the engine measures them, by the stage that they are reported under.
-_PICTURE_STAGES = {"select": "warp", "warp": "warp", "backdrop": "warp", "shade": "warp", "fill": "fill"}
+_PICTURE_STAGES = dict.fromkeys(("select", "warp", "backdrop", "shade", "antialias"), "warp") | {"fill": "fill"}
 
 Targets = Callable[[int], dict[str, Viewer]]  # output frame -> viewers by name
 
