@@ -15,12 +15,10 @@ __all__ = ["show_model"]
 
 
 def show_model(
-    folder: Path, chosen: list[str] | None, frames: int, every: int, quality: str, few: str, report: Path | None
+    folder: Path, chosen: list[str] | None, frames: int, every: int, quality: str, views: int, report: Path | None
 ) -> None:
     """Print a row a camera; with `report`, a picture of the holes with and without the model."""
-    if not (few.isdecimal() and int(few)):
-        raise ValueError(f"--views: {few!r}: expected one number of at least 1")
-    sequence, views = open_sequence(folder), int(few)
+    sequence = open_sequence(folder)
     cameras, count = chosen or inside_rig(sequence), min(frames, sequence.frame_count)
     if not cameras:
         raise ValueError(f"{folder}: no virtual camera with ground truth stands inside the rig")
