@@ -27,13 +27,6 @@ def command(
     ghosts: Annotated[
         str | None, typer.Option(metavar="NAME", help="Ghosts and holes of the background model over a twin.")
     ] = None,
-    noise: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Every frame of a twin with and without the model, and the model's error."),
-    ] = None,
-    depth_noise: Annotated[
-        float | None, typer.Option(help="Strength of a twin's depth errors (--noise); without it the twin's own.")
-    ] = None,
     model: Annotated[
         Path | None,
         typer.Option(metavar="SEQ", help="Few views with the model against few and all without it, by truth."),
@@ -41,7 +34,7 @@ def command(
     views: Annotated[
         str | None,
         typer.Option(
-            metavar="N,...|all", help="Views given: few for --model and --noise (5), a list for --accuracy (2,3,5,all)."
+            metavar="N,...|all", help="Views given: what --model calls few (5), for --accuracy a list (2,3,5,all)."
         ),
     ] = None,
     camera: Annotated[
@@ -52,6 +45,10 @@ def command(
     ] = None,
     pairs: Annotated[
         str | None, typer.Option(metavar="NAME", help="Stereo pairs a second of a twin while the model is updated.")
+    ] = None,
+    sparse: Annotated[
+        Path | None,
+        typer.Option(metavar="SEQ", help="Depth punched as by time of flight: completed, not, and whole, by truth."),
     ] = None,
     scale: Annotated[float, typer.Option(help="Size of a twin's pictures.")] = 0.25,
     frames: Annotated[
@@ -64,9 +61,9 @@ def command(
     ] = None,
 ) -> None:
     """Measure speed and quality."""
-    if not accuracy and all(chosen is None for chosen in (peers, ghosts, noise, model, pairs)):
+    if not accuracy and all(choice is None for choice in (peers, ghosts, model, pairs, sparse)):
         raise ValueError(
-            "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model SEQ, or --ghosts, --noise or "
+            "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model or --sparse SEQ, --ghosts or "
             "--pairs NAME"
         )
     if accuracy:
@@ -85,21 +82,12 @@ def command(
     if model is not None:
         from .benchmarks.model import show_model
 
-        show_model(model, camera, frames or 100, every or 12, quality, _few(views), report)
+        show_model(model, camera, frames or 100, every or 12, quality, views or "5", report)
     if ghosts is not None:
         from .benchmarks.ghosts import show_ghosts
 
         show_ghosts(ghosts, scale, frames or 100, quality, report)
-    if noise is not None:
-        from .benchmarks.noise import show_noise
+    if sparse is not None:
+        from .benchmarks.sparse import show_sparse
 
-        show_noise(noise, scale, frames or 100, quality, _few(views), depth_noise)
-
-
-def _few(views: str | None) -> int:
-    """The number that --views says, where it must be one."""
-    if views is None:
-        return 5
-    if not (views.isdecimal() and int(views)):
-        raise ValueError(f"--views: {views!r}: expected one number of at least 1")
-    return int(views)
+        show_sparse(sparse, camera, frames or 1, every or 12, quality, views or "5")

@@ -101,7 +101,9 @@ class Engine:
             self._scene = Scene.of([view.camera for view in frame.views], self.settings, frame)
         scene = self._scene
         views = tuple(
-            PreparedView(view, scene.triangulation(view.camera, self.settings), scene.origin)
+            PreparedView(
+                view, scene.triangulation(view.camera, self.settings), scene.origin, self.settings.completion
+            )
             for view in frame.views
         )
         report = None
@@ -119,7 +121,8 @@ class Engine:
             ready = None if self.settings.overdraw else _FIRST_VIEWS
             for viewer in (viewers or {}).values():
                 for k in self._select(viewer, views, scene)[:ready]:
-                    views[k].mesh()
+                    for part in views[k].parts:
+                        views[k].mesh(part)
                     if self.settings.blend > 1:
                         views[k].confidence  # noqa: B018 (made here, not while a viewer waits)
         self._front = _FrontBuffer(frame, scene, views, ViewTable(views), backdrops)
@@ -223,7 +226,8 @@ class Engine:
                 if not fills:
                     canvas.grey()
                 if views:
-                    table = ViewTable(views, blended=len(chosen) if self.settings.blend > 1 else 0)
+                    blended = len(chosen) if self.settings.blend > 1 else 0
+                    table = ViewTable(views, drawn=len(chosen), blended=blended)
                     canvas.shade(target, table, len(chosen), self.settings.blend, cubic=self.settings.cubic)
             with timed(report.stages, "antialias"):
                 if self.settings.antialias and views:
@@ -245,9 +249,11 @@ class Engine:
             margin = 2 * prepared.options.tolerance + prepared.view.camera.depth.step
             tiles = canvas.hole_tiles() if number and not self.settings.overdraw else None
             warped += canvas.draw(prepared.mesh(), target, number, near, margin, tiles)
+        # Depth that was not measured may be anywhere: it goes only where no view has measured a surface. So does the
+        # half pixel round everything that is known less well.
+        warped += canvas.draw_holes("doubtful", views, target, near)
         if self.settings.rims:
-            # Half a pixel round everything is known less well: it goes only where no view has a surface.
-            warped += canvas.draw_rims(views, target, near)
+            warped += canvas.draw_holes("rims", views, target, near)
         return warped
 
     def _smooth_silhouettes(

@@ -7,12 +7,13 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera, Equirectangular, Perspective
+from .completion import Completed, complete
 from .frame import Texture, View
 from .kernels import antialias, composite, confidence, rasterise, shade
 from .kernels import fill as fill_kernels
@@ -20,6 +21,8 @@ from .mesh import Mesh
 from .triangulation import TriangulationOptions, triangulate
 
 __all__ = ["Canvas", "PreparedView", "Target", "ViewTable", "pixels_per_radian"]
+
+Part = Literal["surface", "doubtful", "rims"]
 
 _BANDS = 16
 _CHUNKS = 4
@@ -37,21 +40,46 @@ def pixels_per_radian(camera: Camera) -> float:
 
 @dataclass
 class PreparedView:
-    """A view with what warping needs of it; its meshes are made when first asked for, by one thread."""
+    """A view with what warping needs of it; its meshes are made when first asked for, by one thread.
 
-    view: View
+    With `completes` its pixels without depth get one (see `completion.complete`).
+    """
+
+    view: View  # as it was measured
     options: TriangulationOptions
     origin: npt.NDArray[np.float64]
-    _meshes: dict[bool, Mesh] = field(default_factory=dict)  # rims or surface
-    _lock: threading.Lock = field(default_factory=threading.Lock)
+    completes: bool = False
+    _meshes: dict[Part, Mesh] = field(default_factory=dict)
+    _lock: threading.RLock = field(default_factory=threading.RLock)
+    _completed: Completed | None = None
 
-    def mesh(self, *, rims: bool = False) -> Mesh:
-        """The view's surface, or its rims (see `triangulate`)."""
+    @property
+    def completed(self) -> Completed:
+        """The view as it is drawn."""
         with self._lock:
-            if rims not in self._meshes:
-                camera, codes = self.view.camera, self.view.codes
-                self._meshes[rims] = triangulate(camera, codes, self.options, origin=self.origin, rims=rims)
-            return self._meshes[rims]
+            if self._completed is None:
+                measured = Completed(self.view.codes, None)
+                self._completed = complete(self.view, self.options.edge) if self.completes else measured
+            return self._completed
+
+    def mesh(self, part: Part = "surface") -> Mesh:
+        """The view's surface as far as its depth is trusted, its doubtful rest, or its rims (see `triangulate`)."""
+        with self._lock:
+            if part not in self._meshes:
+                self._meshes[part] = self._triangulate(part)
+            return self._meshes[part]
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What the view has besides rims."""
+        return ("surface",) if self.completed.doubtful is None else ("surface", "doubtful")
+
+    def _triangulate(self, part: Part) -> Mesh:
+        codes, doubtful = self.completed
+        if part == "surface" and doubtful is not None:
+            codes = np.where(doubtful, np.uint16(0), codes)
+        keep, rims = doubtful if part == "doubtful" else None, part == "rims"
+        return triangulate(self.view.camera, codes, self.options, origin=self.origin, keep=keep, rims=rims)
 
     @cached_property
     def table_row(self) -> npt.NDArray[np.float64]:  # [TABLE_SIZE]
@@ -69,11 +97,11 @@ class PreparedView:
             row[shade.COLUMNS], row[shade.ROWS] = 1.0 / row[4], 1.0 / row[6]
         return row
 
-    @cached_property
-    def addresses(self) -> npt.NDArray[np.int64]:  # [4]
-        """Addresses of the codes and of the colour planes, which must be C-contiguous."""
+    def addresses(self, *, measured: bool = False) -> npt.NDArray[np.int64]:  # [4]
+        """Addresses of the codes, completed or as measured, and of the colour planes; all must be C-contiguous."""
         texture = self.view.texture
-        planes = (self.view.codes, texture.y, texture.cb, texture.cr)
+        codes = self.view.codes if measured else self.completed.codes
+        planes = (codes, texture.y, texture.cb, texture.cr)
         if not all(plane.flags.c_contiguous and plane.dtype == np.uint16 for plane in planes):
             raise ValueError(f"view {self.view.camera.name}: planes: expected C-contiguous uint16")
         return np.array([plane.ctypes.data for plane in planes], np.int64)
@@ -82,21 +110,23 @@ class PreparedView:
     def confidence(self) -> npt.NDArray[np.uint8]:  # [h, w]
         """How far the colour of each texel is trusted: next to depth edges it is mixed."""
         marks = np.empty(self.view.codes.shape, np.uint8)
-        confidence.mark_mixed(self.view.codes, float(self.table_row[shade.EDGE]), marks)
+        confidence.mark_mixed(self.completed.codes, float(self.table_row[shade.EDGE]), marks)
         return marks
 
 
 class ViewTable:
     """Views as `kernels.shade` reads them; keeps their arrays alive.
 
-    The first `blended` come with their texels' confidence; of the others all are trusted alike.
+    The first `drawn` come with their completed depth, the others with the measured one; the first `blended` with
+    their texels' confidence, of the others all are trusted alike.
     """
 
-    def __init__(self, views: Sequence[PreparedView], *, blended: int = 0) -> None:
+    def __init__(self, views: Sequence[PreparedView], *, drawn: int = 0, blended: int = 0) -> None:
         self.views = tuple(views)
         self.rows = np.stack([view.table_row for view in views])
+        planes = [view.addresses(measured=k >= drawn) for k, view in enumerate(views)]
         marks = [view.confidence.ctypes.data if k < blended else 0 for k, view in enumerate(views)]
-        self.addresses = np.column_stack([[view.addresses for view in views], np.array(marks, np.int64)])
+        self.addresses = np.column_stack([planes, np.array(marks, np.int64)])
 
 
 class _Kernels(NamedTuple):
@@ -180,15 +210,15 @@ class Canvas:
             return 0
         return self._rasterise(mesh, target, number, near, margin, 0.0, self.disparity, self.winner, tiles)
 
-    def draw_rims(self, views: Sequence[PreparedView], target: Target, near: float) -> int:
-        """Draw the views' rims into what is still empty; returns the number of triangles drawn."""
+    def draw_holes(self, part: Part, views: Sequence[PreparedView], target: Target, near: float) -> int:
+        """Draw a part of the views into what is still empty; returns the number of triangles drawn."""
+        having = [number for number, view in enumerate(views) if part == "rims" or part in view.parts]
+        if not having:
+            return 0
         tiles = self.hole_tiles()
         if not tiles.any():
             return 0
-        return sum(
-            self.draw(view.mesh(rims=True), target, number, near, math.inf, tiles)
-            for number, view in enumerate(views)
-        )
+        return sum(self.draw(views[number].mesh(part), target, number, near, math.inf, tiles) for number in having)
 
     def draw_backdrop(
         self, backdrop: PreparedView, present: ViewTable, drawn: Sequence[int], target: Target, near: float,

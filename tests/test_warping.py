@@ -222,13 +222,13 @@ def test_a_view_is_triangulated_once():
     view = View(camera, texture_of(np.zeros((24, 32))), inside_of_a_box(camera))
     prepared = PreparedView(view, TriangulationOptions(0.0, 1.0), ORIGIN)
     assert prepared.mesh() is prepared.mesh()
-    assert prepared.mesh(rims=True) is prepared.mesh(rims=True)
+    assert prepared.mesh("rims") is prepared.mesh("rims")
     assert len(prepared.mesh().triangles) == 2 * 31 * 23
-    assert len(prepared.mesh(rims=True).triangles) == 0
+    assert len(prepared.mesh("rims").triangles) == 0
 
 
 def test_planes_must_be_contiguous_codes():
     camera = Camera("v7", Perspective.from_fov(32, 24, 1.2), Pose(tuple(ORIGIN)), CODING)
     view = View(camera, texture_of(np.zeros((24, 32))), np.zeros((24, 64), np.uint16)[:, ::2])
     with pytest.raises(ValueError, match="v7: planes: expected C-contiguous uint16"):
-        PreparedView(view, TriangulationOptions(0.0, 1.0), ORIGIN).addresses  # noqa: B018
+        PreparedView(view, TriangulationOptions(0.0, 1.0), ORIGIN).addresses()

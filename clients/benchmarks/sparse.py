@@ -1,0 +1,38 @@
+"""`farside bench --sparse`: pictures from depth with holes, completed and not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from farside.engine.bench.background import inside_rig
+from farside.engine.bench.sparse import MODES, SparseSample, compare_sparse
+from farside.engine.tmiv import open_sequence
+from rich.console import Console
+from rich.table import Table
+
+from .model import view_count
+
+__all__ = ["show_sparse"]
+
+
+def show_sparse(folder: Path, cameras: list[str] | None, frames: int, every: int, quality: str, few: str) -> None:
+    """Print a row for each virtual camera of a sequence, means over the frames looked at."""
+    sequence, views = open_sequence(folder), view_count(few)
+    names = cameras or inside_rig(sequence)
+    indices = range(0, min(frames, sequence.frame_count), every)
+    samples = list(compare_sparse(sequence, names, indices, quality, views))
+    table = Table(title=f"{sequence.name}: PSNR-Y / IV-PSNR in dB at quality {quality}, depth punched")
+    for column in ("camera", "whole depth", "with holes", "completed", "gained, IV-PSNR"):
+        table.add_column(column, justify="right")
+    for name in names:
+        means = [_mean(samples, name, mode) for mode in MODES]
+        gained = means[2][1] - means[1][1]
+        table.add_row(name, *(f"{p:.2f} / {iv:.2f}" for p, iv in means), f"{gained:+.2f}")
+    Console(width=110).print(table)
+
+
+def _mean(samples: list[SparseSample], camera: str, mode: str) -> tuple[float, float]:
+    own = [(s.psnr_y, s.iv_psnr) for s in samples if (s.camera, s.mode) == (camera, mode)]
+    mean = np.mean(own, axis=0)
+    return float(mean[0]), float(mean[1])

@@ -1,0 +1,138 @@
+"""Completion of depth: against the readable twin, on planes and steps, and what of it reaches a picture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from farside.engine.bench.sparse import compare_sparse, punched
+from farside.engine.camera import Camera, Perspective, Pose
+from farside.engine.completion import complete, completed_codes
+from farside.engine.depth import DepthCoding
+from farside.engine.engine import Engine
+from farside.engine.frame import Frame, Texture, View
+from farside.engine.settings import Settings
+from farside.engine.synth import write_twin
+from farside.engine.tmiv import open_sequence
+from oracle import completion as oracle
+
+CODING = DepthCoding(0.5, 10.0, 16, has_invalid=True)
+EDGE_CODES = 2000.0
+
+
+def view_of(codes, y=None, *, coding=CODING, name="v0", position=(0.0, 0.0, 0.0)):
+    """A view with the given codes and luma; grey."""
+    h, w = codes.shape
+    camera = Camera(name, Perspective.from_fov(w, h, 1.0), Pose(position), coding)
+    luma = np.full((h, w), 500, np.uint16) if y is None else y.astype(np.uint16)
+    chroma = np.full(((h + 1) // 2, (w + 1) // 2), 512, np.uint16)
+    return View(camera, Texture(luma, chroma, chroma.copy()), codes.astype(np.uint16))
+
+
+def completed(view):
+    return completed_codes(view, EDGE_CODES * view.camera.depth.step)
+
+
+@pytest.mark.parametrize("shape", [(23, 17), (16, 32), (1, 9), (2, 2), (7, 1)])
+def test_as_the_readable_twin(shape):
+    rng = np.random.default_rng(shape[0])
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    codes = (20000 + 300 * x + 15000 * (y > 10) + rng.integers(0, 500, shape)).astype(np.uint16)
+    codes[(rng.random(shape) < 0.5) | ((x > 3) & (x < 12) & (y > 3))] = 0
+    codes[0, 0] = 21000
+    view = view_of(codes, rng.integers(64, 940, shape))
+    for plane in (view.texture.cb, view.texture.cr):
+        plane[:] = rng.integers(400, 600, plane.shape)
+    out, confidence = completed(view)
+    expected, trust = oracle.complete(codes, view.texture.y, view.texture.cb, view.texture.cr, EDGE_CODES)
+    np.testing.assert_allclose(out, expected, atol=1.0)
+    np.testing.assert_allclose(confidence, trust, atol=1.0)
+
+
+def test_measured_depth_stays_and_is_certain_and_the_rest_is_less_so_with_distance():
+    rng = np.random.default_rng(0)
+    codes = rng.integers(20000, 21000, (64, 64)).astype(np.uint16)
+    codes[:, 20:] = 0
+    out, confidence = completed(view_of(codes))
+    np.testing.assert_array_equal(out[:, :20], codes[:, :20])
+    assert (confidence[:, :20] == 255).all()
+    assert (confidence[:, 20:] < 255).all()
+    rows = confidence[32, [20, 24, 32, 60]].astype(int)
+    assert (np.diff(rows) < 0).all()
+    assert out.min() > 0
+
+
+def test_a_plane_with_dropouts_is_restored_in_its_slope():
+    y, x = np.mgrid[:96, :128]
+    plane = 20000 + 90.0 * x + 60.0 * y
+    lost = np.random.default_rng(1).random(plane.shape) < 0.3
+    lost |= (x % 16 == 5) | (y % 16 == 9)  # cracks
+    out, confidence = completed(view_of(np.where(lost, 0, np.rint(plane))))
+    error = np.abs(out - plane)
+    assert error.max() <= 150.0  # one pixel down the slope
+    assert error[lost].mean() <= 15.0
+    assert (confidence[lost] >= 180).mean() > 0.98  # but in clusters of dropouts
+
+
+def test_a_hole_in_a_plane_is_crossed():
+    y, x = np.mgrid[:96, :128]
+    plane = 20000 + 90.0 * x + 60.0 * y
+    lost = np.hypot(y - 48, x - 64) < 12
+    out, _ = completed(view_of(np.where(lost, 0, np.rint(plane))))
+    # Much closer than any one depth would be, which is off by the slope times the radius.
+    assert np.abs(out - plane)[lost].max() < 0.4 * 12 * np.hypot(90, 60)
+
+
+def test_a_step_under_a_colour_edge_is_not_smeared():
+    x = np.broadcast_to(np.arange(64), (48, 64))
+    near = x < 30
+    codes = np.where(near, 40000, 15000)
+    codes[:, 26:38] = 0
+    out, _ = completed(view_of(codes, np.where(near, 200, 800)))
+    assert np.abs(out[near].astype(int) - 40000).max() < 2500
+    assert np.abs(out[~near].astype(int) - 15000).max() < 2500
+
+
+def test_clean_views_are_left_alone():
+    codes = np.full((8, 8), 30000, np.uint16)
+    whole = view_of(codes)
+    assert complete(whole, 0.1).codes is whole.codes
+    assert complete(whole, 0.1).doubtful is None
+    codes = codes.copy()
+    codes[2, 2] = 0
+    far = view_of(codes, coding=DepthCoding(0.5, 10.0))  # 0 is the far plane
+    assert complete(far, 0.1).codes is far.codes
+    nothing = view_of(np.zeros((8, 8)))
+    assert complete(nothing, 0.1).codes is nothing.codes
+
+
+def rendered(views, **settings):
+    cameras = [view.camera for view in views]
+    engine = Engine(cameras, Settings(background=False, fill=False, **settings))
+    engine.update(Frame(0, tuple(views)))
+    return engine.render_camera(cameras[0])
+
+
+def test_what_is_not_measured_hides_no_measured_surface():
+    near, far = (int(code) for code in CODING.codes(np.array([1.0, 3.0])))
+    x = np.broadcast_to(np.arange(64), (48, 64))
+    half = view_of(np.where(x < 24, near, 0))  # would be continued at 1 m
+    wall = view_of(np.full((48, 64), far), name="v1", position=(0.0, 0.02, 0.0))
+    picture = rendered([half, wall])
+    np.testing.assert_allclose(picture.disparity[:, 2:22], 1.0, atol=0.01)
+    np.testing.assert_allclose(picture.disparity[:, 32:60], 1.0 / 3.0, atol=0.01)
+    alone = rendered([half])
+    np.testing.assert_allclose(alone.disparity[:, 2:60], 1.0, atol=0.01)
+    assert (rendered([half], completion=False).disparity[:, 26:] == 0.0).all()
+
+
+def test_sparse_depth_of_a_twin_gives_better_pictures_completed(tmp_path):
+    write_twin("painter", tmp_path, 0.08, 1)
+    sequence = open_sequence(tmp_path)
+    view = sequence.frame(0).views[0]
+    holes = punched(view, 1)
+    share = (holes.codes == 0).mean()
+    assert 0.2 < share < 0.7
+    assert (holes.codes == view.codes)[holes.codes > 0].all()
+    samples = {s.mode: s.iv_psnr for s in compare_sparse(sequence, ["t0"], [0], "balanced")}
+    assert samples["completed"] > samples["holes"] + 2.0
+    assert samples["whole"] > samples["completed"]
