@@ -12,7 +12,7 @@ __all__ = ["command"]
 
 def command(
     folders: Annotated[
-        list[Path] | None, typer.Argument(metavar="[FOLDER ...]", help="Sequences, or folders of them (--accuracy).")
+        list[Path] | None, typer.Argument(metavar="FOLDER", help="Sequences, or folders of them (--accuracy).")
     ] = None,
     accuracy: Annotated[
         bool, typer.Option("--accuracy", help="All quality figures over FOLDERs and --twins, with a report.")
