@@ -27,6 +27,13 @@ def command(
     ghosts: Annotated[
         str | None, typer.Option(metavar="NAME", help="Ghosts and holes of the background model over a twin.")
     ] = None,
+    noise: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Every frame of a twin with and without the model, and the model's error."),
+    ] = None,
+    depth_noise: Annotated[
+        float | None, typer.Option(help="Strength of a twin's depth errors (--noise); without it the twin's own.")
+    ] = None,
     model: Annotated[
         Path | None,
         typer.Option(metavar="SEQ", help="Few views with the model against few and all without it, by truth."),
@@ -34,7 +41,7 @@ def command(
     views: Annotated[
         str | None,
         typer.Option(
-            metavar="N,...|all", help="Views given: what --model calls few (5), for --accuracy a list (2,3,5,all)."
+            metavar="N,...|all", help="Views given: few for --model and --noise (5), a list for --accuracy (2,3,5,all)."
         ),
     ] = None,
     camera: Annotated[
@@ -61,10 +68,10 @@ def command(
     ] = None,
 ) -> None:
     """Measure speed and quality."""
-    if not accuracy and all(choice is None for choice in (peers, ghosts, model, pairs, sparse)):
+    if not accuracy and all(chosen is None for chosen in (peers, ghosts, noise, model, pairs, sparse)):
         raise ValueError(
-            "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model or --sparse SEQ, --ghosts or "
-            "--pairs NAME"
+            "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model or --sparse SEQ, or --ghosts, "
+            "--noise or --pairs NAME"
         )
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
@@ -82,12 +89,25 @@ def command(
     if model is not None:
         from .benchmarks.model import show_model
 
-        show_model(model, camera, frames or 100, every or 12, quality, views or "5", report)
+        show_model(model, camera, frames or 100, every or 12, quality, _few(views), report)
     if ghosts is not None:
         from .benchmarks.ghosts import show_ghosts
 
         show_ghosts(ghosts, scale, frames or 100, quality, report)
+    if noise is not None:
+        from .benchmarks.noise import show_noise
+
+        show_noise(noise, scale, frames or 100, quality, _few(views), depth_noise)
     if sparse is not None:
         from .benchmarks.sparse import show_sparse
 
-        show_sparse(sparse, camera, frames or 1, every or 12, quality, views or "5")
+        show_sparse(sparse, camera, frames or 1, every or 12, quality, _few(views))
+
+
+def _few(views: str | None) -> int:
+    """The number that --views says, where it must be one."""
+    if views is None:
+        return 5
+    if not (views.isdecimal() and int(views)):
+        raise ValueError(f"--views: {views!r}: expected one number of at least 1")
+    return int(views)

@@ -9,9 +9,10 @@ from farside.engine.background.tolerances import Tolerances
 from farside.engine.camera import Camera, Perspective, Pose
 from farside.engine.depth import DepthCoding
 from farside.engine.frame import View
-from farside.engine.kernels.maximum_depth import PHASES
-from oracle.maximum_depth import update
-from rooms import BOX_Y, WALL_Y, camera_row, see, texture_of
+from farside.engine.kernels.maximum_depth import COLOUR_FRAMES, DEPTH_FRAMES, PHASES
+from farside.engine.triangulation import TriangulationOptions, triangulate
+from oracle.maximum_depth import settle, update
+from rooms import BOX_X, BOX_Y, CODING, WALL_X, WALL_Y, camera_row, see, texture_of
 
 TOLERANCES = Tolerances(delta_m=0.1, margin_m=0.05)
 
@@ -107,3 +108,129 @@ def test_chroma_waits_while_something_nearer_shares_it():
     for _ in range(PHASES):
         image.update(wall)
     assert image.texture.cb[5, 10] == WALL_Y // 2
+
+
+# Fusion of what is seen again and again
+
+SIGMA = 100.0  # codes
+
+
+def noisy(view, rng, sigma=SIGMA, luma=0.0):
+    """A view whose depth and luma flicker."""
+    codes = np.rint(view.codes + rng.normal(0, sigma, view.codes.shape)).clip(1, CODING.max_code).astype(np.uint16)
+    values = np.rint(view.texture.y + rng.normal(0, luma, view.codes.shape) if luma else view.texture.y)
+    return View(view.camera, texture_of(values), codes)
+
+
+def fuses(image, views):
+    for view in views:
+        image.update(view)
+        image.fuse(view)
+
+
+def fusing(view, deviations=1.0):
+    """A maximum depth image that allows for `deviations` times the noise that there is."""
+    noise = Tolerances(0.1, 1e-6, deviations * SIGMA * CODING.step)
+    return MaximumDepthImage(view, noise, edge=0.05)
+
+
+def rms(values):
+    return np.sqrt(np.mean(np.asarray(values, float) ** 2))
+
+
+def test_noise_falls_with_the_square_root_of_the_views_to_a_floor():
+    rng, wall = np.random.default_rng(0), see(camera_row(1)[0])
+    image = fusing(noisy(wall, rng), deviations=2.0)  # nothing strays so far that it would look like a change
+    for rounds in range(1, 3 * DEPTH_FRAMES + 1):
+        fuses(image, (noisy(wall, rng) for _ in range(PHASES)))
+        off = image.codes.astype(int) - wall.codes
+        seen = rounds + 1
+        # A recursive mean of the capped kind: the variance of weights 1 / DEPTH_FRAMES that fall off geometrically.
+        expected = SIGMA / np.sqrt(min(seen, 2 * DEPTH_FRAMES - 1))
+        if seen <= DEPTH_FRAMES // 2 or rounds == 3 * DEPTH_FRAMES:
+            assert rms(off) == pytest.approx(expected, rel=0.06)
+            assert abs(off.mean()) < 0.05 * SIGMA + 1
+    assert image.rounds == 3 * DEPTH_FRAMES
+    assert (image.fused == DEPTH_FRAMES).all()
+
+
+def test_a_maximum_that_is_not_fused_strays_and_a_fused_one_does_not():
+    wall, off = see(camera_row(1)[0]), {}
+    for fuse in (False, True):
+        rng = np.random.default_rng(0)
+        image = fusing(noisy(wall, rng))
+        for _ in range(20 * PHASES):
+            view = noisy(wall, rng)
+            image.update(view)
+            if fuse:
+                image.fuse(view)
+        off[fuse] = rms(image.codes.astype(int) - wall.codes)
+    assert off[False] > 1.2 * SIGMA
+    assert off[True] < 0.3 * SIGMA
+
+
+def test_a_change_is_followed_at_once_and_not_averaged():
+    rng, camera = np.random.default_rng(0), camera_row(1)[0]
+    before, after = see(camera, box_y=0.0), see(camera)
+    box = before.codes != after.codes
+    image = fusing(before, deviations=2.0)
+    fuses(image, (noisy(before, rng) for _ in range(10 * PHASES)))
+    now = noisy(after, rng)
+    image.update(now)
+    np.testing.assert_array_equal(image.codes[box], now.codes[box])
+    np.testing.assert_array_equal(image.fused[box], 1)
+    fuses(image, (noisy(after, rng) for _ in range(15 * PHASES)))
+    assert rms(image.codes[box].astype(int) - after.codes[box]) == pytest.approx(SIGMA / 4, rel=0.1)
+
+
+def test_who_comes_and_stands_before_the_wall_pulls_nothing():
+    rng, camera = np.random.default_rng(0), camera_row(1)[0]
+    wall, someone = see(camera), see(camera, box_y=0.0)
+    box = wall.codes != someone.codes
+    image = fusing(wall, deviations=2.0)
+    fuses(image, (noisy(someone, rng) for _ in range(10 * PHASES)))
+    np.testing.assert_array_equal(image.codes[box], wall.codes[box])
+    np.testing.assert_array_equal(image.texture.y, WALL_Y)
+    np.testing.assert_array_equal(image.texture.cb, WALL_Y // 2)
+
+
+def test_colours_are_averaged_and_follow_the_light():
+    rng, wall = np.random.default_rng(0), see(camera_row(1)[0])
+    image = fusing(wall, deviations=2.0)
+    fuses(image, (noisy(wall, rng, luma=20.0) for _ in range(40 * PHASES)))
+    floor = 20.0 / np.sqrt(2 * COLOUR_FRAMES - 1)
+    assert rms(image.texture.y.astype(int) - WALL_Y) == pytest.approx(floor, rel=0.1)
+    darker = View(wall.camera, texture_of(np.full(wall.codes.shape, WALL_Y - 40)), wall.codes)
+    fuses(image, [darker] * (40 * PHASES))
+    assert rms(image.texture.y.astype(int) - (WALL_Y - 40)) < 1.0
+    assert rms(image.texture.cb.astype(int) - (WALL_Y - 40) // 2) < 1.0
+
+
+def test_a_colour_that_was_someones_is_forgotten():
+    """Depth says that someone has left some pixels, whose colour is still theirs: estimated edges wander."""
+    camera = camera_row(1)[0]
+    there, gone = see(camera, box_y=0.0), see(camera)
+    late = View(camera, there.texture, gone.codes)
+    image = fusing(there, deviations=2.0)
+    image.update(late)
+    assert np.count_nonzero(image.texture.y == BOX_Y) > 100
+    fuses(image, [gone] * (40 * PHASES))
+    assert rms(image.texture.y.astype(int) - WALL_Y) < 1.0  # rounding by chance, of 500 codes
+    assert np.abs(image.texture.y.astype(int) - WALL_Y).max() < 10
+
+
+@pytest.mark.parametrize("extend_edges", [False, True])
+def test_points_settle_where_the_fused_depth_is(extend_edges):
+    rng, camera = np.random.default_rng(0), camera_row(1)[0]
+    view = see(camera, box_y=0.0)
+    first = noisy(view, rng)
+    image = fusing(first, deviations=1.5)
+    mesh = triangulate(camera, first.codes, TriangulationOptions(0.002, 0.05, extend_edges=extend_edges))
+    np.testing.assert_allclose(image.settled(mesh, camera.packed()), mesh.points, atol=0.05)
+    fuses(image, (noisy(view, rng) for _ in range(20 * PHASES)))
+    image.codes[20:24, 10:20] = CODING.codes(np.array(9.0))  # something farther: not these points' surface
+    points = image.settled(mesh, camera.packed())
+    expected = settle(mesh, camera, image.codes, 1e-6, 6.0 * SIGMA * CODING.step)
+    np.testing.assert_allclose(points, expected, atol=1e-4)
+    depth = np.where(np.abs(points[:, 0] - BOX_X) < 0.5, BOX_X, WALL_X)
+    assert rms(points[:, 0] - depth) < 0.4 * rms(mesh.points[:, 0] - depth)

@@ -11,21 +11,14 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_model", "view_count"]
-
-
-def view_count(text: str) -> int:
-    """The option --views where it is one number; ValueError where it is not."""
-    if not (text.isdecimal() and int(text)):
-        raise ValueError(f"--views: {text!r}: expected one number of at least 1")
-    return int(text)
+__all__ = ["show_model"]
 
 
 def show_model(
-    folder: Path, chosen: list[str] | None, frames: int, every: int, quality: str, few: str, report: Path | None
+    folder: Path, chosen: list[str] | None, frames: int, every: int, quality: str, views: int, report: Path | None
 ) -> None:
     """Print a row a camera; with `report`, a picture of the holes with and without the model."""
-    sequence, views = open_sequence(folder), view_count(few)
+    sequence = open_sequence(folder)
     cameras, count = chosen or inside_rig(sequence), min(frames, sequence.frame_count)
     if not cameras:
         raise ValueError(f"{folder}: no virtual camera with ground truth stands inside the rig")

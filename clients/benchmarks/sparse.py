@@ -11,14 +11,12 @@ from farside.engine.tmiv import open_sequence
 from rich.console import Console
 from rich.table import Table
 
-from .model import view_count
-
 __all__ = ["show_sparse"]
 
 
-def show_sparse(folder: Path, cameras: list[str] | None, frames: int, every: int, quality: str, few: str) -> None:
+def show_sparse(folder: Path, cameras: list[str] | None, frames: int, every: int, quality: str, views: int) -> None:
     """Print a row for each virtual camera of a sequence, means over the frames looked at."""
-    sequence, views = open_sequence(folder), view_count(few)
+    sequence = open_sequence(folder)
     names = cameras or inside_rig(sequence)
     indices = range(0, min(frames, sequence.frame_count), every)
     samples = list(compare_sparse(sequence, names, indices, quality, views))

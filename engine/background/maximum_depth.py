@@ -8,7 +8,14 @@ import numpy.typing as npt
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..camera import Camera, Equirectangular
 from ..frame import Texture, View
-from ..kernels.maximum_depth import PHASES, prepare_maximum_depth, update_maximum_depth
+from ..kernels.maximum_depth import (
+    PHASES,
+    fuse_maximum_depth,
+    prepare_maximum_depth,
+    settle_points,
+    update_maximum_depth,
+)
+from ..mesh import Mesh
 from .tolerances import Tolerances
 
 __all__ = ["MaximumDepthImage", "coding_row"]
@@ -25,7 +32,8 @@ class MaximumDepthImage:
 
     codes uint16 [h, w], texture 10 bit 4:2:0; updated uint8 [h, w]: changed since the camera's last turn;
     kept uint8 [h, w]: belongs to the P-PBS; provisional uint8 [h, w]: the colour was seen at the rim of something
-    nearer. `edge` is a depth edge's disparity step, 1/m. The arrays stay where they are for life.
+    nearer; fused uint8 [h, w]: how many views depth and colour are the mean of. `edge` is a depth edge's disparity
+    step, 1/m. The arrays stay where they are for life.
     """
 
     def __init__(self, view: View, tolerances: Tolerances, edge: float) -> None:
@@ -35,9 +43,11 @@ class MaximumDepthImage:
         self.updated = np.zeros(self.codes.shape, np.uint8)
         self.kept = np.zeros(self.codes.shape, np.uint8)
         self.provisional = np.zeros(self.codes.shape, np.uint8)
+        self.fused = np.ones(self.codes.shape, np.uint8)
+        self._by_code = np.empty(1 << 16, np.uint16)
         self._limits = np.empty(self.codes.shape, np.uint16)  # below which a new code is farther; kept up to date
         self._edge = edge
-        self._phase = 0
+        self._number = 0  # of the last view taken
         self.compare_by(tolerances)
         self.pending = 0  # updates since the camera's last turn, pixels counted as often as they changed
         self._counts = np.zeros((self.codes.shape[0] + 1) // 2, np.int64)
@@ -45,18 +55,36 @@ class MaximumDepthImage:
     def compare_by(self, tolerances: Tolerances) -> None:
         """Sets what a nontrivial amount is."""
         self._rules = _rules(self.camera, tolerances, self._edge)
-        prepare_maximum_depth(self.codes, self._rules, self._limits, self.provisional)
+        prepare_maximum_depth(self.codes, self._rules, self._by_code, self._limits, self.provisional)
 
     def update(self, view: View) -> int:
         """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels."""
-        self._phase = (self._phase + 1) % PHASES
+        self._number += 1
         update_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self._limits, self.updated, self.provisional, self._counts, self._rules, self._phase,
+            self._limits, self.updated, self.provisional, self.fused, self._counts, self._rules, self._number,
         )  # fmt: skip
         count = int(self._counts.sum())
         self.pending += count
         return count
+
+    def fuse(self, view: View) -> None:
+        """Takes the mean with the view that `update` took, where both show the same; other rows in each of PHASES."""
+        fuse_maximum_depth(
+            view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
+            self._limits, self.provisional, self.fused, self._by_code, self._rules, self._number,
+        )  # fmt: skip
+
+    @property
+    def rounds(self) -> int:
+        """How often all pixels had their chance to be fused."""
+        return self._number // PHASES
+
+    def settled(self, mesh: Mesh, packed: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:  # [n, 3]
+        """Where the points of a mesh that was made of this image lie by now; `packed` is the camera."""
+        points = np.empty_like(mesh.points)
+        settle_points(mesh.points, mesh.uv, packed, self._rules, self.codes, self._by_code, points)
+        return points
 
     def table_row(self) -> list[int]:
         """The image as `kernels.background_image` reads it."""

@@ -26,9 +26,11 @@ from .coverage import choose_views, farther_pixels
 from .culling import clear_marks, cull_unmarked, mark_background, mark_missed
 from .maximum_depth import MaximumDepthImage, coding_row
 from .pbs import ProbableBackgroundSurface, Surface
-from .tolerances import Tolerances, scene_tolerances, with_noise
+from .tolerances import Tolerances, sampled_disparity, scene_tolerances, with_noise
 
 __all__ = ["BackgroundModel", "UpdateReport"]
+
+_NOISE_FRAMES = (1, 2, 4, 8, 16, 32)  # after the first: when noise is measured
 
 
 @dataclass(slots=True)
@@ -70,7 +72,9 @@ class BackgroundModel:
         self._cast_version = [-1] * len(self.cameras)  # the PBS' version at each camera's last culling rays
         self._moved: set[int] = set()
         self._next = 0
-        self._noise_known = False
+        self._first: list[npt.NDArray[np.float64]] = []  # samples of the first frame's disparities
+        self._frames = 0
+        self._rounds = [1] * len(self.cameras)  # of fusion, when each camera's surfaces were derived last
         self._lock = threading.Lock()  # held while surfaces are replaced or flagged, and while they are listed
 
     @property
@@ -124,6 +128,7 @@ class BackgroundModel:
                 MaximumDepthImage(view, self._tolerances, options.edge)
                 for view, options in zip(frame.views, self._options, strict=True)
             ]
+            self._first = [sampled_disparity(view.camera, view.codes) for view in frame.views]
             self._image_table[:] = [image.table_row() for image in self._images]
         with timed(report.stages, "triangulate"):
             self._build_static(frame.views)
@@ -159,10 +164,13 @@ class BackgroundModel:
         group = self._next_group()
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
         with timed(report.stages, "maximum_depth"):
-            if not self._noise_known:
+            self._frames += 1
+            if self._frames in _NOISE_FRAMES:
                 self._allow_for_noise(frame)
             for c in self._fixed():
                 report.updated += self._images[c].update(frame.views[c])
+                if self._tolerances.noise:
+                    self._images[c].fuse(frame.views[c])
         for c in group:
             self._take_turn(c, report)
         with timed(report.stages, "culling"):
@@ -194,12 +202,11 @@ class BackgroundModel:
         return group
 
     def _allow_for_noise(self, frame: Frame) -> None:
-        """The second frame tells how much depth flickers."""
-        self._noise_known = True
-        before = [self._images[c].codes for c in self._fixed()]
-        views = [frame.views[c] for c in self._fixed()]
-        self._tolerances = with_noise(self._tolerances, before, views, self.settings)
-        if self._tolerances.noise:
+        """Frames after the first tell how much depth flickers."""
+        fixed = self._fixed()
+        known, first = self._tolerances, [self._first[c] for c in fixed]
+        self._tolerances = with_noise(known, first, [frame.views[c] for c in fixed], self.settings)
+        if self._tolerances.noise > known.noise:
             for image in self._images:
                 image.compare_by(self._tolerances)
 
@@ -207,7 +214,9 @@ class BackgroundModel:
         """Filters what was uncovered since the camera's last turn, and derives its part of the P-PBS anew."""
         image, before = self._images[c], self._pbs.progressive.get(c)
         culled = before is not None and before.valid_count < len(before.invalid)
-        if not (image.pending or culled):
+        # Twice the frames: noise has fallen by the square root of two.
+        fused = self._tolerances.noise > 0 and image.rounds >= 2 * self._rounds[c]
+        if not (image.pending or culled or fused):
             return
         with timed(report.stages, "filter"):
             numbers = self._paint(image, before)
@@ -220,6 +229,11 @@ class BackgroundModel:
         if accepted or changed or culled:
             with timed(report.stages, "triangulate"):
                 self._derive(c, before, numbers)
+        if fused:
+            with timed(report.stages, "triangulate"), self._lock:
+                self._rounds[c] = image.rounds
+                self._pbs.move(c, lambda mesh: image.settled(mesh, self._packed[c]))
+        if accepted or changed or culled or fused:
             with timed(report.stages, "commit"):  # before the next camera's rays
                 self._pbs.commit()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +35,8 @@ class Surface:
 class ProbableBackgroundSurface:
     """S-PBS and P-PBS, per camera at most one surface in each; each surface is a geometry of one scene.
 
-    The S-PBS' triangles are only ever flagged as invalid; a camera's surface in the P-PBS is replaced whole.
+    The S-PBS' triangles are only ever flagged as invalid, or moved as noise is averaged away; a camera's surface in the
+    P-PBS is replaced whole.
     """
 
     def __init__(self, camera_count: int) -> None:
@@ -64,6 +65,15 @@ class ProbableBackgroundSurface:
         """Replaces a camera's part of the P-PBS, without marks."""
         self.progressive[camera] = self._put(camera, camera, mesh, fast_build=True)
         return self.progressive[camera]
+
+    def move(self, camera: int, moved: Callable[[Mesh], npt.NDArray[np.float32]]) -> None:
+        """Puts the points [n, 3] of a camera's surfaces elsewhere; what is invalid or marked stays so."""
+        for part, geometry in ((self.static, self._camera_count + camera), (self.progressive, camera)):
+            if camera in part:
+                old = part[camera]
+                mesh = Mesh(moved(old.mesh), old.mesh.uv, old.mesh.triangles)
+                part[camera] = new = self._put(geometry, camera, mesh, fast_build=part is self.progressive)
+                new.marks[:], new.invalid[:] = old.marks, old.invalid
 
     def compact_static(self) -> None:
         """Drops the invalid triangles of the S-PBS; marks stay. Counts after `commit`."""

@@ -15,9 +15,10 @@ from ..depth import DepthCoding
 from ..frame import View
 from ..settings import Settings
 
-__all__ = ["Tolerances", "scene_tolerances", "with_noise"]
+__all__ = ["Tolerances", "sampled_disparity", "scene_tolerances", "with_noise"]
 
 U16 = npt.NDArray[np.uint16]
+F64 = npt.NDArray[np.float64]
 
 # Two surfaces closer than this share of the typical depth are taken as one: reprojection errors of calibrated
 # rigs and of depth estimation grow with depth, and stay well below it. 0.2 m (the paper) at 10 m.
@@ -34,7 +35,9 @@ _DEVIATION_OF_MEDIAN = 1.0483
 # Depth that flickers: the maximum over many frames and the first frame's triangles stray to opposite sides, by three
 # to four standard deviations each. Less than that would add a little of every wall to the P-PBS, for ever.
 _DELTA_DEVIATIONS = 8.0
-_MARGIN_DEVIATIONS = 3.0
+# Of a mean of many frames and one more only this much is a change: with 3, one pixel in a hundred would be replaced
+# by a stray one every ten frames.
+_MARGIN_DEVIATIONS = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +64,18 @@ def scene_tolerances(views: Sequence[View], settings: Settings) -> Tolerances:
     return Tolerances(delta, _MARGIN_SHARE * delta)
 
 
-def with_noise(tolerances: Tolerances, before: Sequence[U16], views: Sequence[View], settings: Settings) -> Tolerances:
+def with_noise(
+    tolerances: Tolerances, first: Sequence[F64], views: Sequence[View], settings: Settings
+) -> Tolerances:
     """Tolerances that also allow for how much the depth of what stands still differs between two frames.
 
-    `before`: the codes [h, w] of the views one frame earlier.
+    `first`: `sampled_disparity` of the views in the first frame. Estimated depth drifts as well: a frame long after the
+    first tells more of its noise than the second. Delta follows from the flicker between neighbouring frames alone.
     """
     noise, medians = [], []
-    for codes, view in zip(before, views, strict=True):
-        old, new = _sampled(view.camera, codes), _sampled(view.camera, view.codes)
-        difference = np.abs(new - old)[np.isfinite(new - old)]
+    for old, view in zip(first, views, strict=True):
+        difference = np.abs(sampled_disparity(view.camera, view.codes) - old)
+        difference = difference[np.isfinite(difference)]
         if difference.size:
             # The median: what moves is less than half of a picture.
             noise.append(_DEVIATION_OF_MEDIAN * float(np.median(difference)))
@@ -78,12 +84,12 @@ def with_noise(tolerances: Tolerances, before: Sequence[U16], views: Sequence[Vi
         return tolerances
     deviation = float(np.median(noise))
     delta = tolerances.delta_m
-    if settings.delta_m is None:
+    if settings.delta_m is None and tolerances.noise == 0.0:
         delta = max(delta, _DELTA_DEVIATIONS * deviation * float(np.median(medians)) ** 2)
-    return dataclasses.replace(tolerances, delta_m=delta, noise=deviation)
+    return dataclasses.replace(tolerances, delta_m=delta, noise=max(deviation, tolerances.noise))
 
 
-def _sampled(camera: Camera, codes: U16) -> npt.NDArray[np.float64]:
+def sampled_disparity(camera: Camera, codes: U16) -> F64:
     """Disparities of about 16384 of a view's pixels, nan where there is none."""
     stride = max(1, math.isqrt(codes.size // 16384))
     return camera.depth.disparity(codes[::stride, ::stride])
@@ -92,7 +98,7 @@ def _sampled(camera: Camera, codes: U16) -> npt.NDArray[np.float64]:
 def _automatic_delta(views: Sequence[View]) -> float:
     medians, steps = [], []
     for view in views:
-        depth = 1.0 / _sampled(view.camera, view.codes)
+        depth = 1.0 / sampled_disparity(view.camera, view.codes)
         depth = depth[np.isfinite(depth)]
         if depth.size:
             medians.append(float(np.median(depth)))

@@ -1,4 +1,9 @@
-"""One camera's maximum depth image, updated in place by the camera's new view (section 3.3.3)."""
+"""One camera's maximum depth image, updated in place by the camera's new view (section 3.3.3).
+
+Where depth flickers, the maximum over many frames strays by some standard deviations, and each of its pixels holds one
+frame's error. Instead, pixels where a new view shows the same surface again take a recursive mean (temporal fusion);
+what is farther by a nontrivial amount still replaces it, and what is nearer is somebody before it.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +13,26 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["PHASES", "farther_than", "prepare_maximum_depth", "update_maximum_depth"]
+from .project import project_point, unproject_point
+
+__all__ = [
+    "PHASES",
+    "farther_than",
+    "fuse_maximum_depth",
+    "prepare_maximum_depth",
+    "settle_points",
+    "update_maximum_depth",
+]
 
 TILE = 64  # columns that are compared at once before any is written
-PHASES = 8  # provisional colours are looked at again in every so many frames, other rows in each
+PHASES = 8  # provisional colours are looked at again, and depth is fused, in every so many frames, other rows in each
+# How many frames a mean may hold: with more it would follow nothing any more. Colours change sooner, with light and
+# shadow, and a first one that was mixed with someone's who was about to leave is soon forgotten.
+DEPTH_FRAMES, COLOUR_FRAMES = 32, 8
 
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
+F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
 
@@ -50,13 +68,13 @@ def _limit(code: int, rules: F64) -> int:
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def prepare_maximum_depth(codes: U16, rules: F64, limits: U16, provisional: U8) -> None:
-    """Fills limits and provisional [h, w] of a first view: 1 where a colour may be mixed with something nearer's.
+def prepare_maximum_depth(codes: U16, rules: F64, by_code: U16, limits: U16, provisional: U8) -> None:
+    """Fills by_code [65536], every code's limit, and limits and provisional [h, w] of a first view.
 
-    rules: offset, step, smallest valid code (0 or 1), margins in metres and 1/m, depth edge in codes.
+    Provisional is 1 where a colour may be mixed with something nearer's. rules: offset, step, smallest valid code
+    (0 or 1), margins in metres and 1/m, depth edge in codes.
     """
     h, w = codes.shape
-    by_code = np.empty(65536, np.uint16)
     for code in numba.prange(65536):
         by_code[code] = _limit(code, rules)
     for row in numba.prange(h):
@@ -95,13 +113,14 @@ def _any_set(flags: U8) -> bool:
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def update_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
-    limits: U16, updated: U8, provisional: U8, counts: I64, rules: F64, phase: int,
+    limits: U16, updated: U8, provisional: U8, fused: U8, counts: I64, rules: F64, phase: int,
 ) -> None:  # fmt: skip
     """Takes over depth and colour where the new view is farther by a nontrivial amount, or sees something first.
 
-    codes, y, limits, updated, provisional [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; counts [(h + 1) // 2]:
-    pixels updated per pair of rows. `updated` is set to 1 there and never cleared. A provisional colour is
-    replaced when the same surface is seen away from depth edges, within PHASES calls with a `phase` that counts up.
+    codes, y, limits, updated, provisional, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; counts [(h + 1) // 2]:
+    pixels updated per pair of rows. `updated` and `fused` are set to 1 there, and `updated` is never cleared. A
+    provisional colour is replaced when the same surface is seen away from depth edges, within PHASES calls with a
+    `phase` that counts up.
     """
     h, w = codes.shape
     lowest = np.uint16(rules[2])
@@ -119,7 +138,7 @@ def update_maximum_depth(
                 for column in range(start // 2, (min(start + TILE, w) + 1) // 2):
                     count += _update_quad(
                         pair, column, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, limits, updated,
-                        provisional, rules,
+                        provisional, fused, rules,
                     )  # fmt: skip
         counts[pair] = count
 
@@ -127,7 +146,7 @@ def update_maximum_depth(
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _update_quad(
     pair: int, column: int, new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16,
-    cr: U16, limits: U16, updated: U8, provisional: U8, rules: F64,
+    cr: U16, limits: U16, updated: U8, provisional: U8, fused: U8, rules: F64,
 ) -> int:  # fmt: skip
     """The 2x2 pixels that share one chroma sample; returns how many of them were updated."""
     h, w = codes.shape
@@ -142,7 +161,7 @@ def _update_quad(
                 codes[row, x] = new
                 limits[row, x] = _limit(new, rules)
                 y[row, x] = new_y[row, x]
-                updated[row, x] = 1
+                updated[row, x] = fused[row, x] = 1
                 provisional[row, x] = _beside_nearer(new_codes, row, x, edge)
                 count += 1
                 coloured += 1
@@ -158,3 +177,79 @@ def _update_quad(
     elif coloured > 0:  # the sample is partly of something nearer: wait until that has moved on
         provisional[2 * pair : 2 * pair + 2, 2 * column : 2 * column + 2] = 1
     return count
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _toward(old: int, new: int, count: int, chance: float) -> int:
+    """The mean of `count` codes, the new one among them; rounded by chance, or small differences would never count."""
+    return int(old + math.floor((np.int32(new) - np.int32(old)) / count + chance))
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def fuse_maximum_depth(
+    new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
+    limits: U16, provisional: U8, fused: U8, by_code: U16, rules: F64, number: int,
+) -> None:  # fmt: skip
+    """Takes the mean where the new view shows the same surface: neither is farther by a nontrivial amount.
+
+    fused [h, w]: how many views a pixel's mean holds, at most DEPTH_FRAMES. Colours beside something nearer are left
+    alone, chroma where not all pixels that share it show the same surface. A call looks at every PHASES-th pair of
+    rows; `number` counts up. Otherwise as `update_maximum_depth`.
+    """
+    h, w = codes.shape
+    lowest, edge = np.int32(rules[2]), np.int32(rules[5])
+    first = number % PHASES
+    for k in numba.prange(((h + 1) // 2 - first + PHASES - 1) // PHASES):
+        pair = first + np.int64(k) * PHASES
+        last = min(2 * pair + 2, h)
+        state = np.uint32(2654435761 * (number + 1) + 40503 * pair)
+        for column in range((w + 1) // 2):
+            whole, count = True, DEPTH_FRAMES
+            for row in range(2 * pair, last):
+                for x in range(2 * column, min(2 * column + 2, w)):
+                    new, old = np.int32(new_codes[row, x]), np.int32(codes[row, x])
+                    if new < lowest or new - lowest < limits[row, x] or old - lowest < by_code[new]:
+                        whole = False
+                        continue
+                    state = np.uint32(state * np.uint32(1664525) + np.uint32(1013904223))
+                    chance = (state >> np.uint32(8)) * 2.0**-24
+                    fused[row, x] = min(fused[row, x] + 1, DEPTH_FRAMES)
+                    code = _toward(old, new, fused[row, x], chance)
+                    codes[row, x] = code
+                    limits[row, x] = by_code[code]
+                    if provisional[row, x] != 0 or _beside_nearer(new_codes, row, x, edge):
+                        whole = False
+                        continue
+                    count = min(count, fused[row, x])
+                    y[row, x] = _toward(y[row, x], new_y[row, x], min(fused[row, x], COLOUR_FRAMES), chance)
+            if whole:
+                count = min(count, COLOUR_FRAMES)
+                chance = (state >> np.uint32(8)) * 2.0**-24
+                cb[pair, column] = _toward(cb[pair, column], new_cb[pair, column], count, chance)
+                cr[pair, column] = _toward(cr[pair, column], new_cr[pair, column], count, chance)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def settle_points(points: F32, uv: F32, camera: F64, rules: F64, codes: U16, by_code: U16, moved: F32) -> None:
+    """Moves points [n, 3] of a mesh of this image, at picture coordinates uv [n, 2], to where its codes are by now.
+
+    A point between pixels takes the mean of those around it; of all pixels only those count that show the surface
+    which the point lies on. A point with none stays.
+    """
+    h, w = codes.shape
+    lowest = int(rules[2])
+    for i in numba.prange(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        u, v = float(uv[i, 0]), float(uv[i, 1])
+        _u, _v, depth = project_point(camera, x, y, z)
+        own = int(min(max((1.0 / depth - rules[0]) / rules[1] + 0.5, 0.0), 65535.0))
+        total, count = 0.0, 0
+        for row in range(math.ceil(v - 1.0), math.floor(v) + 1):
+            for column in range(math.ceil(u - 1.0), math.floor(u) + 1):
+                code = int(codes[min(max(row, 0), h - 1), column % w])
+                if code >= lowest and code - lowest >= by_code[own] and own - lowest >= by_code[code]:
+                    total += code
+                    count += 1
+        if count > 0:
+            x, y, z = unproject_point(camera, u, v, 1.0 / (rules[0] + rules[1] * total / count))
+        moved[i, 0], moved[i, 1], moved[i, 2] = x, y, z

@@ -1,4 +1,4 @@
-"""Maximum depth images, one pixel after the other."""
+"""Maximum depth images, one pixel after the other; and what is made of them, one point after the other."""
 
 from __future__ import annotations
 
@@ -18,3 +18,23 @@ def update(image, view, margin_m, margin_disparity):
         if np.isnan(old) or farther:
             codes[at], luma[at], updated[at] = view.codes[at], view.texture.y[at], True
     return codes, luma, updated
+
+
+def settle(mesh, camera, codes, margin_m, margin_disparity):
+    """Points of a camera's mesh at the mean disparity of the pixels around that show the same surface."""
+    moved = mesh.points.copy()
+    for i, (u, v) in enumerate(mesh.uv):
+        _uv, depth = camera.project(mesh.points[i].astype(float))
+        own = camera.depth.disparity(camera.depth.codes(depth))
+        found = []
+        for row in {int(np.floor(v - 0.25)), int(np.ceil(v - 0.75))}:
+            for column in {int(np.floor(u - 0.25)), int(np.ceil(u - 0.75))}:
+                if not (0 <= row < codes.shape[0] and 0 <= column < codes.shape[1]):
+                    continue
+                there = camera.depth.disparity(codes[row, column])
+                off = abs(1 / there - 1 / own) > margin_m and abs(there - own) > margin_disparity
+                if np.isfinite(there) and not off:
+                    found.append(there)
+        if found:
+            moved[i] = camera.unproject(np.array([u, v], float), 1 / np.mean(found))
+    return moved
