@@ -13,7 +13,7 @@ __all__ = ["command"]
 
 
 def command(
-    name: Annotated[str, typer.Argument(help="museum, hijack, painter, frog, gymnasium-a or gymnasium-b")],
+    name: Annotated[str, typer.Argument(help="museum, hijack, painter, frog, gymnasium-a, gymnasium-b or doorway")],
     out: Annotated[Path, typer.Argument(help="Folder to write, named as the sequence shall be")],
     scale: Annotated[float, typer.Option(help="Size of the pictures, 1 = as the paper's")] = 1.0,
     frames: Annotated[int | None, typer.Option(help="Frames (default 300, gymnasium 250)")] = None,

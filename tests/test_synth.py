@@ -31,7 +31,7 @@ from farside.engine.synth.people import Path as Way
 from farside.engine.tmiv import open_sequence
 
 SCALE = 0.04
-VIEWS = {"museum": 24, "hijack": 10, "painter": 16, "frog": 13, "gymnasium-a": 5, "gymnasium-b": 5}
+VIEWS = {"museum": 24, "hijack": 10, "painter": 16, "frog": 13, "gymnasium-a": 5, "gymnasium-b": 5, "doorway": 8}
 
 
 def planes(view: View) -> list[npt.NDArray[np.uint16]]:

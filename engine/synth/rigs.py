@@ -1,4 +1,4 @@
-"""The rigs of the twins: cameras as the paper's sequences have them (Table 1, section 4), by rule."""
+"""The rigs of the twins, by rule: cameras as the paper's sequences have them (Table 1, section 4), and one more rig."""
 
 from __future__ import annotations
 
@@ -56,6 +56,7 @@ def twin_cameras(name: str, scale: float = 1.0) -> Rig:
         "frog": _frog,
         "gymnasium-a": _gymnasium,
         "gymnasium-b": _gymnasium,
+        "doorway": _doorway,
     }
     if name not in rigs:
         raise ValueError(f"twin: {name!r}: expected one of {', '.join(rigs)}")
@@ -185,3 +186,18 @@ def _gymnasium() -> Rig:
     ]
     viewport = (Perspective.from_fov(2048, 2048, math.pi / 2), _look(0, 0, EYE_HEIGHT))
     return _rig(sources, targets, viewport, DepthCoding(0.5, 25.0), frame_count=250, moving={"v4": flight})
+
+
+def _doorway() -> Rig:
+    """None of the paper's: an arc of cameras before a wall with a doorway, of which the middle ones look through."""
+    lens = Perspective.from_fov(2048, 1536, math.radians(80))
+    places = [(0.35 - 0.09 * y * y, y) for y in np.linspace(-2.4, 2.4, 8)]
+    sources = [(f"v{k}", lens, _look(x, y, 1.5 + 0.15 * (k % 2), -12.0 * y)) for k, (x, y) in enumerate(places)]
+    targets = [
+        (lens, _look(0.3, 0.7, 1.65)),  # before the doorway
+        (lens, _look(0.2, -1.75, 1.6, 10)),  # beside it: the wall hides most of the second room
+        (lens, _look(0.1, 1.5, 1.5, -15)),
+        (lens, _look(1.2, 0.55, 1.6)),
+        (lens, _look(-0.9, -0.6, 1.7, 5)),
+    ]
+    return _rig(sources, targets, (lens, _look(0, 0, EYE_HEIGHT)), DepthCoding(0.5, 25.0))
