@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -29,6 +30,7 @@ __all__ = ["BackEndReport", "Engine", "Viewer"]
 Viewer = StereoView | Camera
 
 _STEREO_VIEWERS = 4  # stereo pairs that are rendered at the same time
+_NEAR = 0.02  # of the depth range's near end: nearer to the eye nothing is drawn
 _FIRST_VIEWS = 3  # views made ready in the back end where the later ones may have nothing to draw
 
 
@@ -112,11 +114,12 @@ class Engine:
                 if self._model is None:
                     self._model = BackgroundModel(self.cameras, self.settings, scene)
                 report = self._model.update(frame)
+        present = ViewTable(views)
         with timed(stages, "pbi"):
             backdrops = {}
             for name, viewer in (viewers or {}).items():
                 if self._model is not None:
-                    backdrops[name] = self._backdrop(viewer, (speeds or {}).get(name, 0.0), scene)
+                    backdrops[name] = self._backdrop(viewer, (speeds or {}).get(name, 0.0), scene, present)
         with timed(stages, "triangulate"):
             ready = None if self.settings.overdraw else _FIRST_VIEWS
             for viewer in (viewers or {}).values():
@@ -125,7 +128,7 @@ class Engine:
                         views[k].mesh(part)
                     if self.settings.blend > 1:
                         views[k].confidence  # noqa: B018 (made here, not while a viewer waits)
-        self._front = _FrontBuffer(frame, scene, views, ViewTable(views), backdrops)
+        self._front = _FrontBuffer(frame, scene, views, present, backdrops)
         return BackEndReport(frame.index, stages, report)
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
@@ -186,13 +189,16 @@ class Engine:
                     f"{view.camera.projection}: expected the announced {camera.projection}"
                 )
 
-    def _backdrop(self, viewer: Viewer, speed: float, scene: Scene) -> PreparedView:
+    def _backdrop(self, viewer: Viewer, speed: float, scene: Scene, present: ViewTable) -> PreparedView:
         assert self._model is not None
         if isinstance(viewer, Camera):
             camera = enlarged(viewer, scene.coding, self.settings.pbi_scale)
         else:
             camera = imaginary_camera(viewer, speed, self.f_vin, scene.coding, self.settings.pbi_scale)
-        view = self._model.render_pbi(camera).view
+        standing = self.settings.backdrop == "standing"
+        # What lies between the imaginary camera and the head is not seen.
+        near = math.dist(camera.pose.position, viewer.pose.position) + _NEAR * scene.coding.near
+        view = self._model.render_pbi(camera, present if standing else None, near=near).view
         return PreparedView(view, scene.triangulation(camera, self.settings), scene.origin)
 
     def _select(self, viewer: Viewer, views: Sequence[PreparedView], scene: Scene) -> list[int]:
@@ -207,7 +213,7 @@ class Engine:
         backdrop = front.backdrops.get(viewer) if viewer is not None else None
         report = PictureReport(tuple(prepared.view.camera.name for prepared in views))
         target = Target(camera, front.scene.origin)
-        near = 0.02 * front.scene.coding.near
+        near = _NEAR * front.scene.coding.near
         with self._canvas(camera) as canvas:
             with timed(report.stages, "warp"):
                 canvas.clear()
@@ -263,7 +269,7 @@ class Engine:
         """Draw pixels at silhouettes again, at twice the size, and average."""
         step = front.scene.triangulation(camera, self.settings).edge
         double = dataclasses.replace(camera, projection=camera.projection.scaled(2.0))
-        target, near = Target(double, front.scene.origin), 0.02 * front.scene.coding.near
+        target, near = Target(double, front.scene.origin), _NEAR * front.scene.coding.near
         with self._canvas(double) as fine:
             fine.clear(canvas.silhouettes(step))
             self._draw_views(fine, [front.views[k] for k in chosen], target, near)

@@ -23,6 +23,7 @@ class BackgroundImage:
     """The background model seen from an imaginary camera: a view like any other, depth code 0 where it has holes."""
 
     view: View
+    rays: int  # that it took
 
 
 def imaginary_camera(

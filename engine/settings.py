@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-__all__ = ["QUALITIES", "Settings"]
+__all__ = ["BACKDROPS", "QUALITIES", "Settings"]
 
 QUALITIES = ("fast", "balanced", "best")
+BACKDROPS = ("farthest", "standing")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,7 @@ class Settings:
     max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two
     delta_m: float | None = None  # culling tolerance (delta); the paper's is 0.2
     culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
+    backdrop: str = "standing"  # shown of the model behind a pixel: the nearest that stands, or the paper's "farthest"
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
     blend: int = 3  # how many of the rendered views may contribute to a pixel's colour
     antialias: bool = False  # silhouettes from four samples a pixel
@@ -46,6 +48,8 @@ class Settings:
             raise ValueError(f"tolerance_px: {self.tolerance_px!r}: expected at least 0")
         if self.delta_m is not None and self.delta_m < 0:
             raise ValueError(f"delta_m: {self.delta_m!r}: expected at least 0")
+        if self.backdrop not in BACKDROPS:
+            raise ValueError(f"backdrop: {self.backdrop!r}: expected one of {', '.join(BACKDROPS)}")
         block = self.max_block_px
         if block < 1 or block & (block - 1):
             raise ValueError(f"max_block_px: {block!r}: expected a power of two")

@@ -22,6 +22,7 @@ from ..scene import Scene
 from ..settings import Settings
 from ..stages import timed
 from ..triangulation import triangulate
+from ..warping import ViewTable
 from .coverage import choose_views, farther_pixels
 from .culling import clear_marks, cull_unmarked, mark_background, mark_missed
 from .maximum_depth import MaximumDepthImage, coding_row
@@ -285,10 +286,15 @@ class BackgroundModel:
 
     # What is made of it
 
-    def render_pbi(self, camera: Camera, *, sparse: bool = True) -> BackgroundImage:
-        """The farthest surfaces seen from a camera (its depth coding must have invalid codes), section 3.4.1.
+    def render_pbi(
+        self, camera: Camera, present: ViewTable | None = None, *, near: float = 0.0, sparse: bool = True
+    ) -> BackgroundImage:
+        """The background seen from a camera (its depth coding must have invalid codes), section 3.4.1.
 
-        `sparse`: between every second pixel rays are cast only where these do not see one plane; else everywhere.
+        Without `present`, the farthest surfaces; with the views of the newest frame, in the order of the cameras, the
+        nearest ones beyond depth `near` (metres) that stand: no view looks or has ever looked through them, or the one
+        they stem from shows them now. `sparse`: between every second pixel rays are cast only where these do not see
+        one plane; else everywhere.
         """
         if not camera.depth.has_invalid:
             raise ValueError(f"camera {camera.name}: depth coding {camera.depth}: expected one with invalid codes")
@@ -296,12 +302,22 @@ class BackgroundModel:
         chroma = ((h + 1) // 2, (w + 1) // 2)
         texture = Texture(*(np.empty(shape, np.uint16) for shape in ((h, w), chroma, chroma)))
         codes = np.empty((h, w), np.uint16)
-        render_background(
+        rays = render_background(
             self._pbs.intersect, self._pbs.scene, camera.packed(self._origin), self._pbs.bounds,
             coding_row(camera), camera.depth.max_code, self._pbs.surface_table, self._image_table,
-            sparse, codes, texture.y, texture.cb, texture.cr,
+            near, np.empty((0, 0)) if present is None else present.rows, self._seen(present), self.delta, sparse,
+            codes, texture.y, texture.cb, texture.cr,
         )  # fmt: skip
-        return BackgroundImage(View(camera, texture, codes))
+        return BackgroundImage(View(camera, texture, codes), int(rays))
+
+    def _seen(self, present: ViewTable | None) -> npt.NDArray[np.int64]:  # [views, 2]
+        """Addresses of the views' codes, and of those that they remember: a camera that has moved, nothing else."""
+        if present is None:
+            return np.empty((0, 2), np.int64)
+        seen = np.repeat(present.addresses[:, :1], 2, axis=1)
+        for c in self._fixed():
+            seen[c, 1] = self._images[c].codes.ctypes.data
+        return seen
 
     def mesh(self) -> ColouredMesh:
         """The valid triangles with the colours of the maximum depth images; copies, made at any time."""

@@ -1,4 +1,4 @@
-"""The probable background image: farthest hits seen from a camera, with colour (section 3.4.1)."""
+"""The probable background image: what of the model is seen from a camera, with colour (section 3.4.1)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from .project import unproject_point
 from .rays import farthest_hit, load_f32, load_u16, load_u32
+from .standing import standing_hit
 
 __all__ = ["render_background", "sample_colours"]
 
@@ -90,17 +91,25 @@ def _hit_uv(surface: I64, primitive: int, hu: float, hv: float) -> tuple[float, 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _cast(
-    function: int, scene: int, camera: F64, bounds: F64, surfaces: I64, x: int, y: int, hits: F64, k: int
-) -> None:
-    """What lies farthest behind a pixel's centre, into hits[k] [7]: disparity (0: nothing), source u and v, source
-    camera, geometry, primitive, distance."""
-    distance, hu, hv, geometry, primitive, length = farthest_hit(function, scene, camera, bounds, x + 0.5, y + 0.5)
+    function: int, scene: int, camera: F64, bounds: F64, surfaces: I64, near: float, present: F64, codes: I64,
+    slack: float, x: int, y: int, hits: F64, k: int,
+) -> int:  # fmt: skip
+    """What is shown behind a pixel's centre, into hits[k] [7]: disparity (0: nothing), source u and v, source
+    camera, geometry, primitive, distance; returns the rays cast."""
+    u, v, rays = x + 0.5, y + 0.5, 1
+    if present.shape[0] == 0:
+        distance, hu, hv, geometry, primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
+    else:
+        distance, hu, hv, geometry, primitive, length, rays = standing_hit(
+            function, scene, camera, bounds, u, v, near, surfaces, present, codes, slack
+        )
     if not distance > 0.0:
         hits[k, _DISPARITY], hits[k, _SOURCE] = 0.0, -1.0
-        return
+        return rays
     hits[k, _DISPARITY], hits[k, _DISTANCE] = length / distance, distance
     hits[k, _U], hits[k, _V] = _hit_uv(surfaces[geometry], primitive, hu, hv)
     hits[k, _SOURCE], hits[k, _GEOMETRY], hits[k, _PRIMITIVE] = surfaces[geometry, 2], geometry, primitive
+    return rays
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -166,9 +175,13 @@ def _mean(hits: F64, k: int, grid: F64, a: int, b: int) -> None:
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def render_background(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, largest: int,
-    surfaces: I64, images: I64, sparse: bool, codes: U16, y: U16, cb: U16, cr: U16,
-) -> None:  # fmt: skip
-    """Fills a view of the background; code 0 where there is none.
+    surfaces: I64, images: I64, near: float, present: F64, seen: I64, slack: float, sparse: bool,
+    codes: U16, y: U16, cb: U16, cr: U16,
+) -> int:  # fmt: skip
+    """Fills a view of the background, code 0 where there is none; returns the rays cast.
+
+    What is shown is the farthest hit where `present` has no rows, else the nearest that stands: near, present, seen
+    and slack as near, table, codes and slack in `standing_hit`.
 
     surfaces [geometries, 4]: addresses of triangles and uv, the owner camera, address of points; images [cameras, 8]:
     see the constants above. coding as in `coverage.keep_farther`, `largest` its largest code. With `sparse` rays
@@ -177,10 +190,13 @@ def render_background(
     """
     h, w = codes.shape
     rows, columns = cb.shape
-    grid = np.empty((rows * columns, 7))
+    grid, rays = np.empty((rows * columns, 7)), 0
     for pair in numba.prange(rows):
         for column in range(columns):
-            _cast(function, scene, camera, bounds, surfaces, 2 * column, 2 * pair, grid, pair * columns + column)
+            rays += _cast(
+                function, scene, camera, bounds, surfaces, near, present, seen, slack,
+                2 * column, 2 * pair, grid, pair * columns + column,
+            )  # fmt: skip
     for pair in numba.prange(rows):
         hits = np.empty((4, 7))
         for column in range(columns):
@@ -194,15 +210,21 @@ def render_background(
             if flat_right:
                 _mean(hits, 1, grid, own, right)
             elif x + 1 < w:
-                _cast(function, scene, camera, bounds, surfaces, x + 1, row, hits, 1)
+                rays += _cast(
+                    function, scene, camera, bounds, surfaces, near, present, seen, slack, x + 1, row, hits, 1
+                )
             if flat_below:
                 _mean(hits, 2, grid, own, below)
             elif row + 1 < h:
-                _cast(function, scene, camera, bounds, surfaces, x, row + 1, hits, 2)
+                rays += _cast(
+                    function, scene, camera, bounds, surfaces, near, present, seen, slack, x, row + 1, hits, 2
+                )
             if flat_right and flat_below and _on_plane(surfaces, images, camera, grid, own, below + 1, x + 2, row + 2):
                 _mean(hits, 3, grid, own, below + 1)
             elif x + 1 < w and row + 1 < h:
-                _cast(function, scene, camera, bounds, surfaces, x + 1, row + 1, hits, 3)
+                rays += _cast(
+                    function, scene, camera, bounds, surfaces, near, present, seen, slack, x + 1, row + 1, hits, 3
+                )
             for k in range(4):
                 if row + (k >> 1) < h and x + (k & 1) < w:
                     code = math.floor((hits[k, _DISPARITY] - coding[0]) / coding[1] + 0.5)
@@ -210,6 +232,7 @@ def render_background(
                     codes[row + (k >> 1), x + (k & 1)] = limited if hits[k, _SOURCE] >= 0.0 else 0
             blue, red = _colour(images, hits, y, pair, column)
             cb[pair, column], cr[pair, column] = int(blue + 0.5), int(red + 0.5)
+    return rays
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .present import present_depth
-from .project import project_point, unproject_point
-from .shade import INVALID, OFFSET, STEP, load_texel
+from .project import unproject_point
+from .sight import looks_through
 
 __all__ = ["lay_backdrop"]
 
@@ -20,24 +20,6 @@ F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
 U8 = npt.NDArray[np.uint8]
-
-
-@numba.njit(inline="always", cache=True, error_model="numpy")
-def _sees_through(row: F64, codes: int, x: float, y: float, z: float, slack: float) -> bool:
-    """Whether a view sees farther, by more than `slack` metres, on all four texels round a point's image."""
-    u, v, depth = project_point(row, x, y, z)
-    if not (depth > slack and u >= 0.5 and v >= 0.5 and u <= row[1] - 0.5 and v <= row[2] - 0.5):
-        return False
-    limit = (1.0 / (depth + slack) - row[OFFSET]) / row[STEP]
-    ix, iy = min(int(u - 0.5), int(row[1]) - 2), min(int(v - 0.5), int(row[2]) - 2)
-    if ix < 0 or iy < 0:
-        return False
-    at = iy * int(row[1]) + ix
-    for k in range(4):
-        code = load_texel(codes, at + (k & 1) + (k >> 1) * int(row[1]))
-        if code >= limit or (code == 0 and row[INVALID] > 0.0):
-            return False
-    return True
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -78,7 +60,7 @@ def lay_backdrop(
             px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / q)
             ghost = False
             for k in range(table.shape[0]):
-                if _sees_through(table[k], addresses[k, 0], px, py, pz, slack):
+                if looks_through(table[k], addresses[k, 0], px, py, pz, slack):
                     ghost = True
                     break
             if len(order) > 0:

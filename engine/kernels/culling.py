@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import project_point
-from .rays import INVALID_ID, distance_to_exit, intersect1, or_u64, outside_ray
+from .rays import INVALID_ID, ROUNDING, distance_to_exit, intersect1, or_u64, outside_ray
 
 __all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "mark_by_triangle", "mark_grid"]
 
@@ -28,7 +28,6 @@ SAMPLES = (
     (_THIRD, _THIRD), (0.8, 0.1), (0.1, 0.8), (0.1, 0.1), (0.45, 0.45), (0.45, 0.1), (0.1, 0.45),
 )  # fmt: skip
 SMALL_PX = 2.5
-ROUNDING = 1e-4  # share of a distance that float32 rays may be off by
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")

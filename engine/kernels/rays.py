@@ -21,6 +21,7 @@ from .project import unproject_point
 
 __all__ = [
     "INVALID_ID",
+    "ROUNDING",
     "distance_to_exit",
     "farthest_hit",
     "intersect1",
@@ -37,6 +38,7 @@ __all__ = [
 F64 = npt.NDArray[np.float64]
 
 INVALID_ID = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID
+ROUNDING = 1e-4  # share of a distance that float32 rays may be off by
 
 _I8, _I32, _I64, _F32 = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.FloatType()
 # RTCRayHit of Embree 4: ray (48 bytes) then hit (Ng, u, v, primID, geomID, instID[1], instPrimID[1], padding).

@@ -1,0 +1,56 @@
+"""Which surface behind a pixel still stands, the slow way: all hits of a ray in order, every view asked about each."""
+
+from __future__ import annotations
+
+import numpy as np
+from oracle.rays import hit_distances, pixel_ray
+
+
+def _texels(camera, codes, point, slack):
+    """Codes of the four texels round a point's image in a view, and its depth there; none where it has no image."""
+    (u, v), depth = camera.project(point)
+    h, w = codes.shape
+    if not (depth > slack and 0.5 <= u <= w - 0.5 and 0.5 <= v <= h - 0.5):
+        return codes[:0], depth
+    x, y = min(int(u - 0.5), w - 2), min(int(v - 0.5), h - 2)
+    return codes[y : y + 2, x : x + 2], depth
+
+
+def looks_through(camera, codes, point, slack):
+    """Whether a view's depths [h, w] are all more than slack behind the point, on the texels round its image."""
+    texels, depth = _texels(camera, codes, point, slack)
+    return bool(texels.size and np.all(camera.depth.depth(texels) > depth + slack))  # nan: nothing known
+
+
+def shows(camera, edge, codes, point, slack):
+    """Whether those texels are one surface, with no step of more than `edge` codes, and it passes near the point."""
+    texels, depth = _texels(camera, codes, point, slack)
+    depths = camera.depth.depth(texels)
+    if not texels.size or np.isnan(depths).any() or np.ptp(texels.astype(int)) > edge:
+        return False
+    return bool(depths.min() <= depth + slack and depths.max() >= depth - slack)
+
+
+def standing(camera, u, v, near, meshes, views, slack):
+    """(distance, mesh, triangle) shown behind (u, v), nan where nothing is.
+
+    meshes: (points, triangles, owner); views: (camera, edge, present, memory), owners index them.
+    """
+    start, direction = pixel_ray(camera, u, v)
+    axis = camera.unproject([u, v], 1.0) - np.asarray(camera.pose.position)
+    beyond = near * np.linalg.norm(axis)
+    hits = []
+    for number, (points, triangles, _owner) in enumerate(meshes):
+        t = hit_distances(start, direction, points, triangles)
+        hits += [(t[i], number, i) for i in np.flatnonzero(t > beyond)]
+    hits.sort()
+    for t, number, i in hits:
+        point = start + t * direction
+        owner, edge, present, _memory = views[meshes[number][2]]
+        if shows(owner, edge, present, point, slack):
+            return t, number, i
+        if t >= hits[-1][0] - slack:
+            return hits[-1]
+        if not any(looks_through(view, memory, point, slack) for view, _edge, _present, memory in views):
+            return t, number, i
+    return hits[-1] if hits else (np.nan, -1, -1)
