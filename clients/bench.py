@@ -38,6 +38,9 @@ def command(
         Path | None,
         typer.Option(metavar="SEQ", help="Few views with the model against few and all without it, by truth."),
     ] = None,
+    backdrop: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The backdrop's surfaces, farthest or standing, over a twin.")
+    ] = None,
     views: Annotated[
         str | None,
         typer.Option(
@@ -48,7 +51,7 @@ def command(
         list[str] | None, typer.Option(help="Virtual cameras (--model, --accuracy); without it those inside the rig.")
     ] = None,
     every: Annotated[
-        int | None, typer.Option(help="Look at every so many frames (--model 12, --accuracy 15).", min=1)
+        int | None, typer.Option(help="Look at every so many frames (--model, --backdrop 12, --accuracy 15).", min=1)
     ] = None,
     pairs: Annotated[
         str | None, typer.Option(metavar="NAME", help="Stereo pairs a second of a twin while the model is updated.")
@@ -68,10 +71,10 @@ def command(
     ] = None,
 ) -> None:
     """Measure speed and quality."""
-    if not accuracy and all(chosen is None for chosen in (peers, ghosts, noise, model, pairs, sparse)):
+    if not accuracy and all(chosen is None for chosen in (peers, ghosts, noise, model, pairs, sparse, backdrop)):
         raise ValueError(
             "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model or --sparse SEQ, or --ghosts, "
-            "--noise or --pairs NAME"
+            "--noise, --pairs or --backdrop NAME"
         )
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
@@ -102,6 +105,10 @@ def command(
         from .benchmarks.sparse import show_sparse
 
         show_sparse(sparse, camera, frames or 1, every or 12, quality, _few(views))
+    if backdrop is not None:
+        from .benchmarks.backdrop import show_backdrops
+
+        show_backdrops(backdrop, scale, frames or 100, every or 12, quality)
 
 
 def _few(views: str | None) -> int:
