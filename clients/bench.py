@@ -60,6 +60,9 @@ def command(
         Path | None,
         typer.Option(metavar="SEQ", help="Depth punched as by time of flight: completed, not, and whole, by truth."),
     ] = None,
+    exposure: Annotated[
+        str | None, typer.Option(metavar="NAME", help="A twin whose views have random exposures and white balances.")
+    ] = None,
     scale: Annotated[float, typer.Option(help="Size of a twin's pictures.")] = 0.25,
     frames: Annotated[
         int | None, typer.Option(help="Frames to play, at most (--accuracy 16, else 100).", min=1)
@@ -71,10 +74,11 @@ def command(
     ] = None,
 ) -> None:
     """Measure speed and quality."""
-    if not accuracy and all(chosen is None for chosen in (peers, ghosts, noise, model, pairs, sparse, backdrop)):
+    choices = (peers, ghosts, noise, model, pairs, sparse, backdrop, exposure)
+    if not accuracy and all(chosen is None for chosen in choices):
         raise ValueError(
             "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model or --sparse SEQ, or --ghosts, "
-            "--noise, --pairs or --backdrop NAME"
+            "--noise, --pairs, --backdrop or --exposure NAME"
         )
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
@@ -85,6 +89,10 @@ def command(
         from .benchmarks.pairs import show_pairs
 
         show_pairs(pairs, scale, quality)
+    if exposure is not None:
+        from .benchmarks.exposure import show_exposure
+
+        show_exposure(exposure, scale, quality)
     if peers is not None:
         from .benchmarks.peers import show_peers
 

@@ -53,6 +53,10 @@ def command(
         float | None, typer.Option(help="Triangulation error in pixels; 0: two triangles a pixel.")
     ] = None,
     delta: Annotated[float | None, typer.Option(help="Culling tolerance, metres (the paper's: 0.2).")] = None,
+    exposure: Annotated[
+        float | None,
+        typer.Option(help="Time constant of following the views' exposure and white balance, s; 0: leave them."),
+    ] = None,
     fill: Annotated[bool, typer.Option("--fill/--no-fill", help="Fill disocclusions.")] = True,
     png: Annotated[bool, typer.Option(help="Also write PNG files.")] = False,
     report: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write a report.")] = None,
@@ -61,7 +65,8 @@ def command(
     """Render virtual cameras or a head-pose trace from a sequence."""
     opened = open_sequence(sequence)
     given = {
-        "n_render": views, "n_init": init, "n_update": update, "tolerance_px": tolerance, "delta_m": delta
+        "n_render": views, "n_init": init, "n_update": update, "tolerance_px": tolerance, "delta_m": delta,
+        "exposure_s": exposure,
     }  # fmt: skip
     changes = {name: value for name, value in given.items() if value is not None}
     settings = Settings.preset(quality, background=background, fill=fill, **changes)

@@ -11,8 +11,9 @@ from PIL import Image
 
 from .frame import Texture
 from .kernels import colour as kernels
+from .kernels.tone import tone_picture
 
-__all__ = ["decode_jpeg", "empty_texture", "encode_jpeg", "from_rgb", "to_rgb", "write_png"]
+__all__ = ["decode_jpeg", "empty_texture", "encode_jpeg", "from_rgb", "to_rgb", "toned_texture", "write_png"]
 
 
 def empty_texture(height: int, width: int) -> Texture:
@@ -55,6 +56,13 @@ def decode_jpeg(data: bytes, height: int, width: int) -> Texture:
     except ValueError as error:
         raise ValueError(f"texture: {len(data)} bytes: expected a JPEG picture ({error})") from error
     raise ValueError(f"texture: {size[1]}x{size[0]}: expected {width}x{height}")
+
+
+def toned_texture(texture: Texture, tone: npt.ArrayLike) -> Texture:
+    """A texture in another tone, packed as `kernels.tone` has it."""
+    out = empty_texture(*texture.y.shape)
+    tone_picture(np.asarray(tone, np.float64), texture.y, texture.cb, texture.cr, out.y, out.cb, out.cr)
+    return out
 
 
 def write_png(path: str | PathLike[str], texture: Texture) -> None:

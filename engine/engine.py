@@ -11,14 +11,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from .background.model import BackgroundModel, UpdateReport
 from .camera import Camera
 from .export_mesh import ColouredMesh
+from .exposure import Exposure, to_common, to_picture
 from .filling import fill, hole_fraction
 from .frame import Frame
 from .pbi import enlarged, imaginary_camera
 from .scene import Scene
-from .selection import select_views
+from .selection import select_views, view_shares
 from .settings import Settings
 from .stages import timed
 from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
@@ -51,6 +55,7 @@ class _FrontBuffer:
     scene: Scene
     views: tuple[PreparedView, ...]
     present: ViewTable
+    tones: npt.NDArray[np.float64] | None  # of the views (`Exposure.tones`)
     backdrops: Mapping[str, PreparedView] = field(default_factory=dict)  # by viewer
 
 
@@ -71,6 +76,7 @@ class Engine:
         self.f_vin = f_vin
         self._scene: Scene | None = None
         self._model: BackgroundModel | None = None
+        self._exposure: Exposure | None = None
         self._front: _FrontBuffer | None = None
         self._canvases: dict[tuple[int, int], list[Canvas]] = {}
         self._canvas_lock = threading.Lock()
@@ -81,6 +87,12 @@ class Engine:
         """Index of the frame that is rendered now; None before the first."""
         front = self._front
         return front.frame.index if front else None
+
+    @property
+    def tones(self) -> npt.NDArray[np.float64] | None:
+        """The tones [n, 4, 4] of the present views (`Exposure.tones`); None where they are not followed."""
+        front = self._front
+        return front.tones if front else None
 
     @property
     def model(self) -> BackgroundModel | None:
@@ -108,13 +120,15 @@ class Engine:
             )
             for view in frame.views
         )
+        present = ViewTable(views)
         report = None
+        with timed(stages, "ingest"):
+            tones = self._follow_exposure(frame, present, scene)
         with timed(stages, "background"):
             if self.settings.background:
                 if self._model is None:
                     self._model = BackgroundModel(self.cameras, self.settings, scene)
-                report = self._model.update(frame)
-        present = ViewTable(views)
+                report = self._model.update(frame, None if tones is None else to_common(tones))
         with timed(stages, "pbi"):
             backdrops = {}
             for name, viewer in (viewers or {}).items():
@@ -128,7 +142,7 @@ class Engine:
                         views[k].mesh(part)
                     if self.settings.blend > 1:
                         views[k].confidence  # noqa: B018 (made here, not while a viewer waits)
-        self._front = _FrontBuffer(frame, scene, views, present, backdrops)
+        self._front = _FrontBuffer(frame, scene, views, present, tones, backdrops)
         return BackEndReport(frame.index, stages, report)
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
@@ -137,13 +151,13 @@ class Engine:
         left, right = view.eyes(front.scene.coding)
         stages: dict[str, float] = {}
         with timed(stages, "select"):
-            chosen = self._select(view, front.views, front.scene)
+            chosen, tones = self._select(view, front.views, front.scene), self._tones(view, front)
         # An eye a thread: two pictures side by side cost less than one after the other on all threads.
         threads = thread_count()
         share = max(1, threads // 2)
-        other = self._second_eye.submit(self._render_with, share, right, front, chosen, viewer)
+        other = self._second_eye.submit(self._render_with, share, right, front, chosen, tones, viewer)
         try:
-            first = self._render_with(share, left, front, chosen, viewer)
+            first = self._render_with(share, left, front, chosen, tones, viewer)
         finally:
             set_thread_count(threads)
             wait([other])
@@ -151,15 +165,17 @@ class Engine:
         return StereoPicture(first, other.result(), front.frame.index)
 
     def _render_with(
-        self, threads: int, camera: Camera, front: _FrontBuffer, chosen: Sequence[int], viewer: str | None
-    ) -> RenderedPicture:
+        self, threads: int, camera: Camera, front: _FrontBuffer, chosen: Sequence[int],
+        tones: npt.NDArray[np.float64] | None, viewer: str | None,
+    ) -> RenderedPicture:  # fmt: skip
         set_thread_count(threads)
-        return self._render_eye(camera, front, chosen, viewer)
+        return self._render_eye(camera, front, chosen, tones, viewer)
 
     def render_camera(self, camera: Camera, viewer: str | None = None) -> RenderedPicture:
         """Render one virtual camera of any projection from the newest frame."""
         front = self._newest()
-        return self._render_eye(camera, front, self._select(camera, front.views, front.scene), viewer)
+        chosen, tones = self._select(camera, front.views, front.scene), self._tones(camera, front)
+        return self._render_eye(camera, front, chosen, tones, viewer)
 
     def mesh(self) -> ColouredMesh:
         """The background model as it is now; may be called from any thread."""
@@ -189,6 +205,24 @@ class Engine:
                     f"{view.camera.projection}: expected the announced {camera.projection}"
                 )
 
+    def _follow_exposure(self, frame: Frame, present: ViewTable, scene: Scene) -> npt.NDArray[np.float64] | None:
+        """The views' tones [n, 4, 4]; None where they are not followed."""
+        if self.settings.exposure_s == 0.0 or len(self.cameras) == 1:
+            return None
+        if self._exposure is None:
+            self._exposure = Exposure(len(self.cameras), self.settings.exposure_s, scene.depths[:2])
+        model = self._model.images(frame) if self._model is not None else ()
+        self._exposure.update(present, 1.0 / self.f_vin, *model)
+        return self._exposure.tones
+
+    def _tones(self, viewer: Viewer, front: _FrontBuffer) -> npt.NDArray[np.float64] | None:
+        """What brings the colours of each view, and of the model, to a picture's tone [n + 1, TONE_SIZE]."""
+        if front.tones is None:
+            return None
+        target = self._target(viewer, front.scene)
+        cameras = [prepared.view.camera for prepared in front.views]
+        return to_picture(front.tones, view_shares(target, cameras, front.scene.depths[:2]))
+
     def _backdrop(self, viewer: Viewer, speed: float, scene: Scene, present: ViewTable) -> PreparedView:
         assert self._model is not None
         if isinstance(viewer, Camera):
@@ -202,13 +236,18 @@ class Engine:
         return PreparedView(view, scene.triangulation(camera, self.settings), scene.origin)
 
     def _select(self, viewer: Viewer, views: Sequence[PreparedView], scene: Scene) -> list[int]:
-        target = viewer if isinstance(viewer, Camera) else Camera("head", viewer.left, viewer.pose, scene.coding)
         cameras = [prepared.view.camera for prepared in views]
-        return select_views(target, cameras, self.settings.n_render, scene.depths[:2])
+        return select_views(self._target(viewer, scene), cameras, self.settings.n_render, scene.depths[:2])
+
+    @staticmethod
+    def _target(viewer: Viewer, scene: Scene) -> Camera:
+        """One camera for all of a viewer's pictures."""
+        return viewer if isinstance(viewer, Camera) else Camera("head", viewer.left, viewer.pose, scene.coding)
 
     def _render_eye(
-        self, camera: Camera, front: _FrontBuffer, chosen: Sequence[int], viewer: str | None
-    ) -> RenderedPicture:
+        self, camera: Camera, front: _FrontBuffer, chosen: Sequence[int],
+        tones: npt.NDArray[np.float64] | None, viewer: str | None,
+    ) -> RenderedPicture:  # fmt: skip
         views = [front.views[k] for k in chosen]
         backdrop = front.backdrops.get(viewer) if viewer is not None else None
         report = PictureReport(tuple(prepared.view.camera.name for prepared in views))
@@ -232,8 +271,10 @@ class Engine:
                 if not fills:
                     canvas.grey()
                 if views:
+                    every = [*chosen, -1, *range(len(front.views))][: len(views)]
+                    rows = None if tones is None else tones[every]
                     blended = len(chosen) if self.settings.blend > 1 else 0
-                    table = ViewTable(views, drawn=len(chosen), blended=blended)
+                    table = ViewTable(views, rows, drawn=len(chosen), blended=blended)
                     canvas.shade(target, table, len(chosen), self.settings.blend, cubic=self.settings.cubic)
             with timed(report.stages, "antialias"):
                 if self.settings.antialias and views:

@@ -85,7 +85,8 @@ class Renderer:
     def _row(
         self, index: int, back_end: BackEndReport, ingest: float, pictures: dict[str, RenderedPicture]
     ) -> dict[str, Any]:
-        stages = dict.fromkeys(STAGES, 0.0) | back_end.stages | {"ingest": ingest}
+        stages = dict.fromkeys(STAGES, 0.0) | back_end.stages
+        stages["ingest"] += ingest
         for picture in pictures.values():
             for name, milliseconds in picture.report.stages.items():
                 stages[_PICTURE_STAGES[name]] += milliseconds

@@ -12,10 +12,11 @@ import numpy.typing as npt
 from .camera import Camera
 from .kernels.project import PERSPECTIVE
 
-__all__ = ["select_views"]
+__all__ = ["select_views", "view_shares"]
 
 _GRID = 8  # sample rays across and down the virtual picture
 _ANGLE = 0.1  # radians between two cameras' rays to a point at which a view has lost half its worth
+_NEAREST = 0.005  # radians below which a view does not come nearer
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -43,20 +44,43 @@ def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: 
     return chosen
 
 
+def view_shares(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> FloatArray:  # [cameras]
+    """The cameras' shares of `target`'s picture, in sum 1, if all were blended by nearness in direction.
+
+    They change smoothly with the target, whichever views are chosen. Where no camera sees anything they are equal.
+    """
+    inside, angle = _seen(target, tuple(cameras), tuple(depths))
+    weight = inside / (angle * angle + _NEAREST * _NEAREST)
+    total = weight.sum(axis=0)
+    if not total.any():
+        return np.full(len(cameras), 1.0 / len(cameras))
+    shares: FloatArray = (weight[:, total > 0] / total[total > 0]).mean(axis=1)
+    return shares
+
+
 def _worth(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> FloatArray:
     """Worth [cameras, samples] of cameras to points on the target's rays: 0 outside a camera's picture."""
+    inside, angle = _seen(target, tuple(cameras), tuple(depths))
+    worth: FloatArray = inside / (1.0 + (angle / _ANGLE) ** 2)
+    return worth
+
+
+@lru_cache(maxsize=8)  # choice and shares of a picture ask for the same
+def _seen(
+    target: Camera, cameras: tuple[Camera, ...], depths: tuple[float, ...]
+) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+    """Which cameras see points on the target's rays, and the angle between both rays, radians [cameras, samples]."""
     steps = (np.arange(_GRID) + 0.5) / _GRID
     u, v = np.meshgrid(steps * target.width, steps * target.height)
     uv = np.stack([u.ravel(), v.ravel()], axis=-1)
     points = np.concatenate([target.unproject(uv, np.full(len(uv), depth)) for depth in depths])
-    packed = _packed(tuple(cameras))
+    packed = _packed(cameras)
     to_points = points - packed[:, None, 16:19]  # [cameras, samples, 3]
     inside = _inside(packed, to_points)
     from_target = points - np.asarray(target.pose.position)
     lengths = np.linalg.norm(from_target, axis=-1) * np.linalg.norm(to_points, axis=-1)
     cosine = np.einsum("csk,sk->cs", to_points, from_target) / np.maximum(lengths, 1e-300)
-    worth: FloatArray = inside / (1.0 + (np.arccos(np.clip(cosine, -1.0, 1.0)) / _ANGLE) ** 2)
-    return worth
+    return inside, np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
 @lru_cache(maxsize=8)

@@ -17,6 +17,7 @@ from .completion import Completed, complete
 from .frame import Texture, View
 from .kernels import antialias, composite, confidence, rasterise, shade
 from .kernels import fill as fill_kernels
+from .kernels.tone import IDENTITY
 from .mesh import Mesh
 from .triangulation import TriangulationOptions, triangulate
 
@@ -95,6 +96,7 @@ class PreparedView:
         row[shade.PIXEL] = 1.0 / pixels_per_radian(camera)
         if isinstance(camera.projection, Equirectangular):
             row[shade.COLUMNS], row[shade.ROWS] = 1.0 / row[4], 1.0 / row[6]
+        row[shade.TONE :] = IDENTITY
         return row
 
     def addresses(self, *, measured: bool = False) -> npt.NDArray[np.int64]:  # [4]
@@ -117,13 +119,19 @@ class PreparedView:
 class ViewTable:
     """Views as `kernels.shade` reads them; keeps their arrays alive.
 
-    The first `drawn` come with their completed depth, the others with the measured one; the first `blended` with
-    their texels' confidence, of the others all are trusted alike.
+    tones [n, TONE_SIZE]: what is done to the views' colours, packed (`kernels.tone`); None: nothing. The first `drawn`
+    come with their completed depth, the others with the measured one; the first `blended` with their texels'
+    confidence, of the others all are trusted alike.
     """
 
-    def __init__(self, views: Sequence[PreparedView], *, drawn: int = 0, blended: int = 0) -> None:
+    def __init__(
+        self, views: Sequence[PreparedView], tones: npt.NDArray[np.float64] | None = None, *,
+        drawn: int = 0, blended: int = 0,
+    ) -> None:  # fmt: skip
         self.views = tuple(views)
         self.rows = np.stack([view.table_row for view in views])
+        if tones is not None:
+            self.rows[:, shade.TONE :] = tones
         planes = [view.addresses(measured=k >= drawn) for k, view in enumerate(views)]
         marks = [view.confidence.ctypes.data if k < blended else 0 for k, view in enumerate(views)]
         self.addresses = np.column_stack([planes, np.array(marks, np.int64)])

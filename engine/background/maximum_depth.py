@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..camera import Camera, Equirectangular
+from ..colour import toned_texture
 from ..frame import Texture, View
 from ..kernels.maximum_depth import (
     PHASES,
@@ -15,6 +16,7 @@ from ..kernels.maximum_depth import (
     settle_points,
     update_maximum_depth,
 )
+from ..kernels.tone import IDENTITY
 from ..mesh import Mesh
 from .tolerances import Tolerances
 
@@ -33,13 +35,14 @@ class MaximumDepthImage:
     codes uint16 [h, w], texture 10 bit 4:2:0; updated uint8 [h, w]: changed since the camera's last turn;
     kept uint8 [h, w]: belongs to the P-PBS; provisional uint8 [h, w]: the colour was seen at the rim of something
     nearer; fused uint8 [h, w]: how many views depth and colour are the mean of. `edge` is a depth edge's disparity
-    step, 1/m. The arrays stay where they are for life.
+    step, 1/m; `tone` is what is done to the view's colours, packed (`kernels.tone`). The arrays stay where they are
+    for life.
     """
 
-    def __init__(self, view: View, tolerances: Tolerances, edge: float) -> None:
+    def __init__(self, view: View, tolerances: Tolerances, edge: float, tone: npt.ArrayLike = IDENTITY) -> None:
         self.camera = view.camera
         self.codes = np.array(view.codes, np.uint16, order="C")  # kernels take addresses
-        self.texture = Texture(*(np.array(p, np.uint16, order="C") for p in _planes(view.texture)))
+        self.texture = toned_texture(view.texture, tone)
         self.updated = np.zeros(self.codes.shape, np.uint8)
         self.kept = np.zeros(self.codes.shape, np.uint8)
         self.provisional = np.zeros(self.codes.shape, np.uint8)
@@ -57,22 +60,24 @@ class MaximumDepthImage:
         self._rules = _rules(self.camera, tolerances, self._edge)
         prepare_maximum_depth(self.codes, self._rules, self._by_code, self._limits, self.provisional)
 
-    def update(self, view: View) -> int:
+    def update(self, view: View, tone: npt.ArrayLike = IDENTITY) -> int:
         """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels."""
         self._number += 1
         update_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self._limits, self.updated, self.provisional, self.fused, self._counts, self._rules, self._number,
+            self._limits, self.updated, self.provisional, self.fused, self._counts, self._rules, np.asarray(tone),
+            self._number,
         )  # fmt: skip
         count = int(self._counts.sum())
         self.pending += count
         return count
 
-    def fuse(self, view: View) -> None:
+    def fuse(self, view: View, tone: npt.ArrayLike = IDENTITY) -> None:
         """Takes the mean with the view that `update` took, where both show the same; other rows in each of PHASES."""
         fuse_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self._limits, self.provisional, self.fused, self._by_code, self._rules, self._number,
+            self._limits, self.provisional, self.fused, self._by_code, self._rules, np.asarray(tone),
+            self._number,
         )  # fmt: skip
 
     @property

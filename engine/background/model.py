@@ -16,6 +16,7 @@ from ..frame import Frame, Texture, View
 from ..kernels.background_image import render_background, sample_colours
 from ..kernels.progressive import accept_candidates, clear_culled, inherit_marks, paint_triangles
 from ..kernels.project import CAMERA_SIZE
+from ..kernels.tone import IDENTITY
 from ..mesh import Mesh
 from ..pbi import BackgroundImage
 from ..scene import Scene
@@ -88,6 +89,14 @@ class BackgroundModel:
         """How far its triangles may be from the depth that was seen, as disparity, 1/m."""
         return max(max(o.tolerance, c.depth.step) for o, c in zip(self._options, self.cameras, strict=True))
 
+    def images(self, frame: Frame) -> tuple[list[int], npt.NDArray[np.int64]]:
+        """Cameras that stand in a frame where their maximum depth images have them, and [k, 4] the addresses of these
+        images' codes, y, cb, cr (the colours are in the tone that the model keeps)."""
+        if not self._images:
+            return [], np.empty((0, 4), np.int64)
+        fixed = [c for c in self._fixed() if frame.views[c].camera.pose == self.cameras[c].pose]
+        return fixed, self._image_table[fixed][:, [3, 0, 1, 2]]
+
     def counts(self) -> dict[str, int]:
         """Triangles: s_pbs (all of the S-PBS), s_pbs_valid (those not culled), p_pbs (valid ones)."""
         with self._lock:
@@ -98,13 +107,18 @@ class BackgroundModel:
             "p_pbs": sum(surface.valid_count for surface in progressive),
         }
 
-    def update(self, frame: Frame) -> UpdateReport:
-        """Takes in the next frame: the first builds the S-PBS, each later one gives a group of cameras its turn."""
+    def update(self, frame: Frame, tones: npt.NDArray[np.float64] | None = None) -> UpdateReport:
+        """Takes in the next frame: the first builds the S-PBS, each later one gives a group of cameras its turn.
+
+        tones [n, TONE_SIZE]: what brings the views' colours to the tone that the model keeps; None: nothing does.
+        """
         self._check(frame)
+        if tones is None:
+            tones = np.tile(IDENTITY, (len(frame.views), 1))
         if not self._images:
-            report = self._initialise(frame)
+            report = self._initialise(frame, tones)
         else:
-            report = self._progress(frame)
+            report = self._progress(frame, tones)
         for name, count in self.counts().items():
             setattr(report, name, count)
         return report
@@ -119,15 +133,15 @@ class BackgroundModel:
 
     # The first frame (section 3.3.2)
 
-    def _initialise(self, frame: Frame) -> UpdateReport:
+    def _initialise(self, frame: Frame, tones: npt.NDArray[np.float64]) -> UpdateReport:
         report = UpdateReport(frame.index, tuple(camera.name for camera in self.cameras))
         self.cameras = tuple(view.camera for view in frame.views)  # where they are now
         self._packed[:] = [camera.packed(self._origin) for camera in self.cameras]
         self._tolerances = scene_tolerances(frame.views, self.settings)
         with timed(report.stages, "maximum_depth"):
             self._images = [
-                MaximumDepthImage(view, self._tolerances, options.edge)
-                for view, options in zip(frame.views, self._options, strict=True)
+                MaximumDepthImage(view, self._tolerances, options.edge, tone)
+                for view, options, tone in zip(frame.views, self._options, tones, strict=True)
             ]
             self._first = [sampled_disparity(view.camera, view.codes) for view in frame.views]
             self._image_table[:] = [image.table_row() for image in self._images]
@@ -160,7 +174,7 @@ class BackgroundModel:
 
     # Every later frame (section 3.3.3)
 
-    def _progress(self, frame: Frame) -> UpdateReport:
+    def _progress(self, frame: Frame, tones: npt.NDArray[np.float64]) -> UpdateReport:
         retired = self._retire(frame)
         group = self._next_group()
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
@@ -169,9 +183,9 @@ class BackgroundModel:
             if self._frames in _NOISE_FRAMES:
                 self._allow_for_noise(frame)
             for c in self._fixed():
-                report.updated += self._images[c].update(frame.views[c])
+                report.updated += self._images[c].update(frame.views[c], tones[c])
                 if self._tolerances.noise:
-                    self._images[c].fuse(frame.views[c])
+                    self._images[c].fuse(frame.views[c], tones[c])
         for c in group:
             self._take_turn(c, report)
         with timed(report.stages, "culling"):

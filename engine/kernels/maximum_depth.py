@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import project_point, unproject_point
+from .tone import mean_luma, toned_code
 
 __all__ = [
     "PHASES",
@@ -113,9 +114,11 @@ def _any_set(flags: U8) -> bool:
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def update_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
-    limits: U16, updated: U8, provisional: U8, fused: U8, counts: I64, rules: F64, phase: int,
+    limits: U16, updated: U8, provisional: U8, fused: U8, counts: I64, rules: F64, tone: F64, phase: int,
 ) -> None:  # fmt: skip
     """Takes over depth and colour where the new view is farther by a nontrivial amount, or sees something first.
+
+    The colour is kept in another tone, packed (`kernels.tone`).
 
     codes, y, limits, updated, provisional, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; counts [(h + 1) // 2]:
     pixels updated per pair of rows. `updated` and `fused` are set to 1 there, and `updated` is never cleared. A
@@ -138,7 +141,7 @@ def update_maximum_depth(
                 for column in range(start // 2, (min(start + TILE, w) + 1) // 2):
                     count += _update_quad(
                         pair, column, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, limits, updated,
-                        provisional, fused, rules,
+                        provisional, fused, rules, tone,
                     )  # fmt: skip
         counts[pair] = count
 
@@ -146,7 +149,7 @@ def update_maximum_depth(
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _update_quad(
     pair: int, column: int, new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16,
-    cr: U16, limits: U16, updated: U8, provisional: U8, fused: U8, rules: F64,
+    cr: U16, limits: U16, updated: U8, provisional: U8, fused: U8, rules: F64, tone: F64,
 ) -> int:  # fmt: skip
     """The 2x2 pixels that share one chroma sample; returns how many of them were updated."""
     h, w = codes.shape
@@ -160,7 +163,7 @@ def _update_quad(
             if new - lowest < limits[row, x]:
                 codes[row, x] = new
                 limits[row, x] = _limit(new, rules)
-                y[row, x] = new_y[row, x]
+                y[row, x] = toned_code(tone[0], new_y[row, x], tone[1])
                 updated[row, x] = fused[row, x] = 1
                 provisional[row, x] = _beside_nearer(new_codes, row, x, edge)
                 count += 1
@@ -168,12 +171,13 @@ def _update_quad(
             elif old - lowest < _limit(new, rules):
                 foreground += 1
             elif provisional[row, x] != 0 and not _beside_nearer(new_codes, row, x, edge):
-                y[row, x] = new_y[row, x]
+                y[row, x] = toned_code(tone[0], new_y[row, x], tone[1])
                 provisional[row, x] = 0
                 coloured += 1
     if coloured > 0 and foreground == 0:
-        cb[pair, column] = new_cb[pair, column]
-        cr[pair, column] = new_cr[pair, column]
+        luma = mean_luma(new_y, 2 * pair, 2 * column)
+        cb[pair, column] = toned_code(tone[2], new_cb[pair, column], tone[3] * luma + tone[4])
+        cr[pair, column] = toned_code(tone[5], new_cr[pair, column], tone[6] * luma + tone[7])
     elif coloured > 0:  # the sample is partly of something nearer: wait until that has moved on
         provisional[2 * pair : 2 * pair + 2, 2 * column : 2 * column + 2] = 1
     return count
@@ -188,7 +192,7 @@ def _toward(old: int, new: int, count: int, chance: float) -> int:
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def fuse_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
-    limits: U16, provisional: U8, fused: U8, by_code: U16, rules: F64, number: int,
+    limits: U16, provisional: U8, fused: U8, by_code: U16, rules: F64, tone: F64, number: int,
 ) -> None:  # fmt: skip
     """Takes the mean where the new view shows the same surface: neither is farther by a nontrivial amount.
 
@@ -221,12 +225,16 @@ def fuse_maximum_depth(
                         whole = False
                         continue
                     count = min(count, fused[row, x])
-                    y[row, x] = _toward(y[row, x], new_y[row, x], min(fused[row, x], COLOUR_FRAMES), chance)
+                    luma = toned_code(tone[0], new_y[row, x], tone[1])
+                    y[row, x] = _toward(y[row, x], luma, min(fused[row, x], COLOUR_FRAMES), chance)
             if whole:
                 count = min(count, COLOUR_FRAMES)
                 chance = (state >> np.uint32(8)) * 2.0**-24
-                cb[pair, column] = _toward(cb[pair, column], new_cb[pair, column], count, chance)
-                cr[pair, column] = _toward(cr[pair, column], new_cr[pair, column], count, chance)
+                mean = mean_luma(new_y, 2 * pair, 2 * column)
+                blue = toned_code(tone[2], new_cb[pair, column], tone[3] * mean + tone[4])
+                red = toned_code(tone[5], new_cr[pair, column], tone[6] * mean + tone[7])
+                cb[pair, column] = _toward(cb[pair, column], blue, count, chance)
+                cr[pair, column] = _toward(cr[pair, column], red, count, chance)
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")

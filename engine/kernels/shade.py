@@ -24,6 +24,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from .project import CAMERA_SIZE, PERSPECTIVE, unproject_point
+from .tone import LARGEST, TONE_SIZE, toned
 
 __all__ = [
     "COLUMNS",
@@ -36,6 +37,7 @@ __all__ = [
     "STEP",
     "TABLE_SIZE",
     "TOLERANCE",
+    "TONE",
     "load_byte",
     "load_texel",
     "shade",
@@ -50,12 +52,12 @@ SHARPNESS = CAMERA_SIZE + 5  # pixels a radian, relative to the target's
 COLUMNS = CAMERA_SIZE + 6  # columns a radian (equirectangular)
 ROWS = CAMERA_SIZE + 7
 PIXEL = CAMERA_SIZE + 8  # radians a pixel
-TABLE_SIZE = CAMERA_SIZE + 9
+TONE = CAMERA_SIZE + 9  # a packed tone: what is done to the view's colours
+TABLE_SIZE = TONE + TONE_SIZE
 
 OUTSIDE = -1e300  # stands for the depth code of a point that a view has no pixel for
 _CHUNKS = 64
 _SMOOTH = 16  # codes between four texels within which linear interpolation is as good as cubic
-_PEAK = 1023.0  # of 10-bit colours
 _BORDER_PX = 8.0  # over which a view fades out near its border
 
 F32 = npt.NDArray[np.float32]
@@ -309,6 +311,7 @@ def _gather_row(
     edge, tolerance, lowest = table[k, EDGE], table[k, TOLERANCE], table[k, INVALID]
     depth, luma, chroma_b, chroma_r = addresses[k, 0], addresses[k, 1], addresses[k, 2], addresses[k, 3]
     confidence, trusted, untrusted = addresses[k, 4], weights[0], weights[1]
+    tone = table[k, TONE:]
     # Where four by four samples of the chroma, and of the luma more so, lie inside the picture.
     last_x, last_y = (width if cubic else 0) - 7, height - 7
     for x in range(taken.shape[0]):
@@ -334,24 +337,22 @@ def _gather_row(
             if confidence != 0:
                 trust = load_byte(confidence, int(v + 0.5) * width + int(u + 0.5)) * (1.0 / 255.0)
                 share = trust * share + (1.0 - trust) * untrusted[x]
-            weight[x] += share
             ya, yb = load_texel(luma, at), load_texel(luma, at + 1)
             yc, yd = load_texel(luma, at + width), load_texel(luma, at + width + 1)
             rough = max(max(ya, yb), max(yc, yd)) - min(min(ya, yb), min(yc, yd)) > _SMOOTH
             if rough & (x0 >= 3) & (y0 >= 3) & (x0 < last_x) & (y0 < last_y):
-                ys[x] += share * _sum_4x4(luma, width, at, _cubic_shares(fx), _cubic_shares(fy))
+                y = _sum_4x4(luma, width, at, _cubic_shares(fx), _cubic_shares(fy))
                 cu, cv = 0.5 * u - 0.25, 0.5 * v - 0.25
                 i, j = int(cu), int(cv)
                 cu, cv, middle = cu - i, cv - j, j * half + i
                 across, down = _cubic_shares(cu), _cubic_shares(cv)
-                bs[x] += share * _sum_4x4(chroma_b, half, middle, across, down)
-                rs[x] += share * _sum_4x4(chroma_r, half, middle, across, down)
+                b = _sum_4x4(chroma_b, half, middle, across, down)
+                r = _sum_4x4(chroma_r, half, middle, across, down)
             else:
                 top, bottom = ya + fx * (yb - ya), yc + fx * (yd - yc)
                 middle = (int(v + 0.5) >> 1) * half + (int(u + 0.5) >> 1)
-                ys[x] += share * (top + fy * (bottom - top))
-                bs[x] += share * load_texel(chroma_b, middle)
-                rs[x] += share * load_texel(chroma_r, middle)
+                y = top + fy * (bottom - top)
+                b, r = float(load_texel(chroma_b, middle)), float(load_texel(chroma_r, middle))
         else:
             y, b, r, share = _fetch(table, addresses, k, us[x], vs[x], code, False)
             if share <= 0.0:
@@ -362,10 +363,11 @@ def _gather_row(
                 share *= trust * trusted[x] + (1.0 - trust) * untrusted[x]
             else:
                 share *= trusted[x]
-            weight[x] += share
-            ys[x] += share * y
-            bs[x] += share * b
-            rs[x] += share * r
+        y, b, r = toned(tone, y, b, r)
+        weight[x] += share
+        ys[x] += share * y
+        bs[x] += share * b
+        rs[x] += share * r
         taken[x] += 1
         finished += taken[x] == blend
     return finished
@@ -385,15 +387,14 @@ def _finish_row(
             k = np.int64(winner[x])
             point[0, 0], point[1, 0], point[2, 0] = points[0, x], points[1, x], points[2, x]
             _project_row(table, k, point, image)
-            sums[1, x], sums[2, x], sums[3, x], _ = _fetch(
-                table, addresses, k, image[0, 0], image[1, 0], image[2, 0], True
-            )
+            y, b, r, _ = _fetch(table, addresses, k, image[0, 0], image[1, 0], image[2, 0], True)
+            sums[1, x], sums[2, x], sums[3, x] = toned(table[k, TONE:], y, b, r)
             sums[0, x] = 1.0
         inverse = 1.0 / sums[0, x]
-        # Cubic convolution overshoots.
-        luma[x] = min(max(sums[1, x] * inverse, 0.0), _PEAK)
-        chroma_b[x] = min(max(sums[2, x] * inverse, 0.0), _PEAK)
-        chroma_r[x] = min(max(sums[3, x] * inverse, 0.0), _PEAK)
+        # Tones and cubic convolution overshoot.
+        luma[x] = min(max(sums[1, x] * inverse, 0.0), LARGEST)
+        chroma_b[x] = min(max(sums[2, x] * inverse, 0.0), LARGEST)
+        chroma_r[x] = min(max(sums[3, x] * inverse, 0.0), LARGEST)
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
