@@ -41,17 +41,25 @@ def command(
     backdrop: Annotated[
         str | None, typer.Option(metavar="NAME", help="The backdrop's surfaces, farthest or standing, over a twin.")
     ] = None,
+    fill: Annotated[
+        Path | None, typer.Option(metavar="SEQ", help="Kinds of filling against the truth, inside holes only.")
+    ] = None,
+    flicker: Annotated[
+        Path | None,
+        typer.Option(metavar="SEQ", help="Change from frame to frame, for a still head, of what is still in truth."),
+    ] = None,
     views: Annotated[
         str | None,
         typer.Option(
-            metavar="N,...|all", help="Views given: few for --model and --noise (5), a list for --accuracy (2,3,5,all)."
+            metavar="N,...|all", help="Views given: one number (5, --fill 2), for --accuracy a list (2,3,5,all)."
         ),
     ] = None,
     camera: Annotated[
-        list[str] | None, typer.Option(help="Virtual cameras (--model, --accuracy); without it those inside the rig.")
+        list[str] | None, typer.Option(help="Virtual cameras; without it those inside the rig.")
     ] = None,
     every: Annotated[
-        int | None, typer.Option(help="Look at every so many frames (--model, --backdrop 12, --accuracy 15).", min=1)
+        int | None,
+        typer.Option(help="Look at every so many frames (--model, --backdrop 12, --accuracy 15, --fill 5).", min=1),
     ] = None,
     pairs: Annotated[
         str | None, typer.Option(metavar="NAME", help="Stereo pairs a second of a twin while the model is updated.")
@@ -65,7 +73,7 @@ def command(
     ] = None,
     scale: Annotated[float, typer.Option(help="Size of a twin's pictures.")] = 0.25,
     frames: Annotated[
-        int | None, typer.Option(help="Frames to play, at most (--accuracy 16, else 100).", min=1)
+        int | None, typer.Option(help="Frames to play, at most (--accuracy, --fill 16, --flicker 60, else 100).", min=1)
     ] = None,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for plots, pictures and figures.")] = None,
     quality: Annotated[str, typer.Option(help="fast, balanced or best; a list for --accuracy.")] = "best",
@@ -74,11 +82,11 @@ def command(
     ] = None,
 ) -> None:
     """Measure speed and quality."""
-    choices = (peers, ghosts, noise, model, pairs, sparse, backdrop, exposure)
-    if not accuracy and all(chosen is None for chosen in choices):
+    wishes = (peers, ghosts, noise, model, pairs, sparse, backdrop, exposure, fill, flicker)
+    if not accuracy and all(chosen is None for chosen in wishes):
         raise ValueError(
-            "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model or --sparse SEQ, or --ghosts, "
-            "--noise, --pairs, --backdrop or --exposure NAME"
+            "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model, --sparse, --fill or --flicker "
+            "SEQ, or --ghosts, --noise, --pairs, --backdrop or --exposure NAME"
         )
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
@@ -117,6 +125,14 @@ def command(
         from .benchmarks.backdrop import show_backdrops
 
         show_backdrops(backdrop, scale, frames or 100, every or 12, quality)
+    if fill is not None:
+        from .benchmarks.filling import show_fills
+
+        show_fills(fill, camera, frames or 16, every or 5, quality, _few(views or "2"), background is not False)
+    if flicker is not None:
+        from .benchmarks.filling import show_flicker
+
+        show_flicker(flicker, camera, frames or 60, quality, _few(views), background is not False)
 
 
 def _few(views: str | None) -> int:

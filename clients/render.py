@@ -66,10 +66,10 @@ def command(
     opened = open_sequence(sequence)
     given = {
         "n_render": views, "n_init": init, "n_update": update, "tolerance_px": tolerance, "delta_m": delta,
-        "exposure_s": exposure,
+        "exposure_s": exposure, "fill": None if fill else "none",
     }  # fmt: skip
     changes = {name: value for name, value in given.items() if value is not None}
-    settings = Settings.preset(quality, background=background, fill=fill, **changes)
+    settings = Settings.preset(quality, background=background, **changes)
     targets, count = _targets(opened, camera or [], pose_trace, stereo, ipd, size, fov)
     start, stop = _frame_range(frames, count)
     job = RenderJob(opened, _sources(opened, sources), targets, start, stop, history)

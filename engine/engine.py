@@ -18,7 +18,7 @@ from .background.model import BackgroundModel, UpdateReport
 from .camera import Camera
 from .export_mesh import ColouredMesh
 from .exposure import Exposure, to_common, to_picture
-from .filling import fill, hole_fraction
+from .filling import fill, hole_fraction, rise_per_pixel
 from .frame import Frame
 from .pbi import enlarged, imaginary_camera
 from .scene import Scene
@@ -267,7 +267,7 @@ class Engine:
                     report.holes_backdrop = hole_fraction(canvas.disparity)
                     views += [backdrop, *front.views]
             with timed(report.stages, "shade"):
-                fills = self.settings.fill and report.holes_backdrop < 1
+                fills = self.settings.fill != "none" and report.holes_backdrop < 1
                 if not fills:
                     canvas.grey()
                 if views:
@@ -282,7 +282,8 @@ class Engine:
             with timed(report.stages, "fill"):
                 report.holes_filled = report.holes_backdrop
                 if fills and report.holes_backdrop > 0:
-                    fill(canvas.disparity, canvas.planes)
+                    rise = self._rise(camera, [front.views[k] for k in chosen], report.holes_backdrop)
+                    fill(canvas.disparity, canvas.planes, rise, structured=self.settings.fill == "structure")
                     report.holes_filled = 0.0
                 texture = canvas.texture()
             return RenderedPicture(camera, texture, canvas.disparity.copy(), canvas.winner.copy(), report)
@@ -321,6 +322,11 @@ class Engine:
                 )  # fmt: skip
             fine.shade(target, table, len(chosen), self.settings.blend, cubic=self.settings.cubic)
             canvas.average(fine)
+
+    def _rise(self, camera: Camera, views: Sequence[PreparedView], holes: float) -> float:
+        """What `fill` needs to tell what is hidden; holes that the views have themselves are hidden by nothing."""
+        invalid = float(np.mean([prepared.invalid_share for prepared in views] or [0.0]))
+        return rise_per_pixel(camera, [prepared.view.camera for prepared in views]) / max(1.0 - invalid / holes, 1e-6)
 
     def _push(self) -> float:
         """Metres by which the backdrop is moved backwards (section 3.4.2)."""

@@ -4,39 +4,67 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from .camera import Camera
 from .kernels import fill as kernels
+from .kernels import structure
+from .warping import pixels_per_radian
 
-__all__ = ["fill", "hole_fraction"]
+__all__ = ["fill", "hole_fraction", "rise_per_pixel"]
 
-_FADE_PX = 8.0  # how far structure is carried into a hole before it fades into something smooth
+_FADE_PX = 8.0  # how far structure is carried into a hole before half of it has faded into something smooth
+_LAYERS = 32  # pixels from the rim beyond which all is smooth
+_DISC = structure.disc_weights(2.5, 2.0)
 _FEW = 50_000  # elements of a level below which threads cost more than they bring
 
 Plane = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
 
 
 def hole_fraction(disparity: Plane) -> float:
     """Fraction of pixels where nothing was drawn."""
-    rows = np.empty(disparity.shape[0], np.int64)
-    kernels.count_holes(disparity, rows)
-    return float(rows.sum() / disparity.size)
+    return float(_holes_by_row(disparity).sum() / disparity.size)
 
 
-def fill(disparity: Plane, planes: tuple[Plane, Plane, Plane]) -> None:
+def rise_per_pixel(target: Camera, views: Sequence[Camera]) -> float:
+    """Disparity (1/m) by which what hides a hole is nearer than what goes on there, for each pixel between them.
+
+    Two surfaces of disparities p and q part by (p - q) b f pixels for a viewer who is b metres from the camera that
+    saw them, f the pixels a radian; b is the farthest view's here.
+    """
+    position = np.array(target.pose.position)
+    baselines = [float(np.linalg.norm(position - view.pose.position)) for view in views]
+    return 1.0 / (pixels_per_radian(target) * max(*baselines, 1e-6, 1e-6))
+
+
+def fill(disparity: Plane, planes: tuple[Plane, Plane, Plane], rise: float, *, structured: bool = True) -> None:
     """Colour the holes of [h, w] planes in place from their neighbourhood, farther surfaces first.
 
-    Something must have been drawn.
+    Where disparity (1/m) is 0 nothing was drawn; somewhere something must have been. `rise` tells what is hidden from
+    what hides it (see `rise_per_pixel`). With `structured` what is hidden goes on along its structure near its rims;
+    otherwise all is smooth.
     """
+    places, index = _list_holes(disparity)
+    depths, layer = np.empty((len(places), 2), np.float32), np.zeros(disparity.shape, np.int32)
+    structure.spread_depths(disparity, places, index, rise, depths)
+    if structured:
+        structure.continue_structure(disparity, places, index, depths, _LAYERS, *_DISC, layer, *planes)
+    kernels.fade_into_smooth(places, layer, _smooth_level(disparity, planes), _FADE_PX, disparity, *planes)
+
+
+def _smooth_level(disparity: Plane, planes: tuple[Plane, Plane, Plane]) -> Plane:
+    """The finest level of the pyramid, complete."""
     levels = _levels(*disparity.shape)
     kernels.first_level(disparity, *planes, levels[0])
     for fine, coarse in itertools.pairwise(levels):
         (kernels.next_level if fine.size > _FEW else kernels.next_level_serially)(fine, coarse)
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
         (kernels.refine_level if fine.size > _FEW else kernels.refine_level_serially)(coarse, fine)
-    kernels.fill_holes(disparity, levels[0], _FADE_PX, *planes)
+    return levels[0]
 
 
 def _levels(height: int, width: int) -> list[Plane]:
@@ -47,3 +75,17 @@ def _levels(height: int, width: int) -> list[Plane]:
         height, width = (height + 1) // 2, (width + 1) // 2
         levels.append(np.empty((height, width, 5), np.float32))
     return levels
+
+
+def _holes_by_row(disparity: Plane) -> npt.NDArray[np.int64]:  # [h]
+    rows = np.empty(disparity.shape[0], np.int64)
+    kernels.count_holes(disparity, rows)
+    return rows
+
+
+def _list_holes(disparity: Plane) -> tuple[I32, I32]:
+    """places and index of the holes, as `kernels.structure` has them."""
+    starts = np.concatenate([[0], np.cumsum(_holes_by_row(disparity))])
+    places, index = np.empty((starts[-1], 2), np.int32), np.empty(disparity.shape, np.int32)
+    structure.list_holes(disparity, starts, places, index)
+    return places, index

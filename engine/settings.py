@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-__all__ = ["BACKDROPS", "QUALITIES", "Settings"]
+__all__ = ["BACKDROPS", "FILLS", "QUALITIES", "Settings"]
 
+FILLS = ("none", "smooth", "structure")
 QUALITIES = ("fast", "balanced", "best")
 BACKDROPS = ("farthest", "standing")
 
@@ -21,7 +22,7 @@ class Settings:
     n_init: int = 6  # views that build the S-PBS (n_rv^init)
     n_update: int = 1  # views that update the P-PBS a frame (n_rv^update)
     background: bool = True  # keep and render the background model
-    fill: bool = True  # fill what is left
+    fill: str = "structure"  # what is left: grey (none), blurred (smooth), or near its rims continued (structure)
     tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles a pixel
     edge_px: float = 4.0  # disparity step between neighbours that is a depth edge, reprojected pixels
     completion: bool = True  # pixels without depth get one (30 ms of one core a megapixel); others cost nothing
@@ -46,6 +47,8 @@ class Settings:
         for name in ("n_render", "n_init", "n_update", "blend"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 1")
+        if self.fill not in FILLS:
+            raise ValueError(f"fill: {self.fill!r}: expected one of {', '.join(FILLS)}")
         if self.culling_stride < 0:
             raise ValueError(f"culling_stride: {self.culling_stride!r}: expected at least 0")
         if self.tolerance_px < 0:

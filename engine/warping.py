@@ -83,6 +83,11 @@ class PreparedView:
         return triangulate(self.view.camera, codes, self.options, origin=self.origin, keep=keep, rims=rims)
 
     @cached_property
+    def invalid_share(self) -> float:
+        """About how much of the picture has no depth as it is drawn."""
+        return float(np.mean(self.completed.codes[::8, ::8] == 0)) if self.view.camera.depth.has_invalid else 0.0
+
+    @cached_property
     def table_row(self) -> npt.NDArray[np.float64]:  # [TABLE_SIZE]
         """The view as `kernels.shade` reads it."""
         camera, row = self.view.camera, np.zeros(shade.TABLE_SIZE)

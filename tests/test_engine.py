@@ -128,7 +128,7 @@ def test_what_was_uncovered_earlier_fills_holes():
     frames = [frame(0, cameras, 0.0), frame(1, cameras, 1.2), frame(2, cameras, 1.2), frame(3, cameras, 0.0)]
     holes = {}
     for model in (False, True):
-        settings = {"background": model, "fill": False, "n_update": 2, "baseline_m": 1.0}
+        settings = {"background": model, "fill": "none", "n_update": 2, "baseline_m": 1.0}
         engine = engine_with(cameras, *frames, viewers={"v": viewer}, **settings)
         picture = engine.render_camera(viewer, "v")
         holes[model] = picture.holes()[:, 16:].mean()  # the columns before are out of both cameras' sight
@@ -149,7 +149,7 @@ def test_what_was_uncovered_earlier_fills_holes():
 def test_settings_switch_filling_and_the_model_off():
     cameras = camera_row(1)
     viewer = dataclasses.replace(cameras[0], pose=Pose((0.0, 0.6, 0.0)))
-    engine = engine_with(cameras, frame(0, cameras, 0.0), viewers={"v": viewer}, background=False, fill=False)
+    engine = engine_with(cameras, frame(0, cameras, 0.0), viewers={"v": viewer}, background=False, fill="none")
     report = engine.render_camera(viewer, "v").report
     assert report.holes_warped == report.holes_backdrop == report.holes_filled > 0.1
     assert engine.status()["background"] == {}

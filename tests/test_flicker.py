@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from farside.clients import bench
 from farside.engine.bench.flicker import REACH_PX, ROUNDING, STILL, Steadiness, measure_flicker, watch_flicker
 from farside.engine.settings import Settings
 from farside.engine.synth import write_twin
@@ -93,3 +94,10 @@ def test_depth_errors_make_a_still_rig_flicker(painter):
 def test_watching_needs_a_still_camera(painter):
     with pytest.raises(ValueError, match="nowhere"):
         watch_flicker(painter, "nowhere", 2, Settings())
+
+
+def test_the_command_prints_a_row_a_camera(painter, capsys):
+    bench.command(flicker=painter.folder, camera=["t0", "t1"], views="2", quality="fast", background=False)
+    printed = capsys.readouterr().out
+    assert "painter, quality fast, 2 views" in printed
+    assert all(name in printed for name in ("t0", "t1", "ratio"))

@@ -106,7 +106,7 @@ def test_quality_and_switches_reach_the_settings(room, tmp_path):
     files = render(room, tmp_path / "out", "--camera", "t0", "--report", path, *options)
     assert files == yuv_files("t0", 1)
     report = json.loads(path.read_text("utf-8"))
-    assert (report["settings"]["background"], report["settings"]["fill"]) == (False, False)
+    assert (report["settings"]["background"], report["settings"]["fill"]) == (False, "none")
     assert report["settings"]["blend"] == 1
     (row,) = report["frames"]
     assert set(row["views"]["t0"]) <= {"v0", "v2"}

@@ -107,7 +107,7 @@ def hole_picture(
 ) -> npt.NDArray[np.uint8]:  # [h, 2 w, 3]
     """A virtual camera at a frame from few views: without the model, beside it with it; holes in light blue."""
     rig, target = [sequence.camera(name) for name in sequence.source_names], sequence.camera(camera, frame)
-    settings = Settings.preset(quality, n_render=views, fill=False)
+    settings = Settings.preset(quality, n_render=views, fill="none")
     engine = Engine(rig, settings, f_vin=sequence.fps)
     for index in range(frame + 1):
         engine.update(sequence.frame(index), {camera: target} if index == frame else None)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 __all__ = [
     "CELL",
     "count_holes",
-    "fill_holes",
+    "fade_into_smooth",
     "first_level",
     "next_level",
     "next_level_serially",
@@ -26,10 +26,11 @@ __all__ = [
 ]
 
 F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
 U16 = npt.NDArray[np.uint16]
 
+MIXED = 1e-3  # weight, of 1, of a pixel whose colour may be mixed with that of what hides a hole
 CELL = 4  # pixels a side of the pyramid's finest cells
-REACH = 32  # pixels within which a hole's rim is looked for
 
 
 @numba.njit(cache=True, parallel=True, nogil=True)
@@ -46,37 +47,64 @@ def count_holes(disparity: F32, rows: npt.NDArray[np.int64]) -> None:
 def first_level(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, level: F32) -> None:
     """level [ceil(h / CELL), ceil(w / CELL), 5] from the picture: weight, disparity and colour of each cell.
 
-    Of a cell's pixels one in each row and column is looked at: the level only serves smooth colours.
+    disparity [h, w]: of holes, the negative of what goes on behind something there, so that the rims of what hides it
+    count little; minus infinity where nothing hides it.
+
+    Of a cell that is all one surface a pixel in each row and column is looked at: the level serves smooth colours.
     """
     h, w = disparity.shape
     for j in numba.prange(level.shape[0]):
         for i in range(level.shape[1]):
-            farthest = np.float32(np.inf)
-            for k in range(CELL):
-                y, x = min(CELL * j + k, h - 1), min(CELL * i + (2 * k + 1) % (CELL + 1), w - 1)
-                if disparity[y, x] > 0.0:
-                    farthest = min(farthest, disparity[y, x])
-            stride = 1
-            if farthest == np.inf:  # in a hole: look at all of the cell's pixels
-                stride = CELL
-                for y in range(CELL * j, min(CELL * (j + 1), h)):
-                    for x in range(CELL * i, min(CELL * (i + 1), w)):
-                        if disparity[y, x] > 0.0:
-                            farthest = min(farthest, disparity[y, x])
-            total, sum_y, sum_b, sum_r = 0.0, 0.0, 0.0, 0.0
-            for n in range(CELL * stride):
-                if farthest == np.inf:
-                    break
-                k = n % CELL
-                column = (2 * k + 1) % (CELL + 1) if stride == 1 else n // CELL
-                y, x = min(CELL * j + k, h - 1), min(CELL * i + column, w - 1)
-                if disparity[y, x] > 0.0:
-                    share = _worth(disparity[y, x], farthest)
-                    total += share
-                    sum_y += share * luma[y, x]
-                    sum_b += share * chroma_b[y, x]
-                    sum_r += share * chroma_r[y, x]
-            _store(level, j, i, total, farthest, sum_y, sum_b, sum_r)
+            top, left = CELL * np.int64(j), CELL * i
+            whole = top + CELL <= h and left + CELL <= w
+            if not (whole and _average(disparity, luma, chroma_b, chroma_r, top, left, level[j, i])):
+                _weigh(disparity, luma, chroma_b, chroma_r, top, left, level[j, i])
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _average(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, top: int, left: int, cell: F32) -> bool:
+    """cell [5] of one surface, from a pixel in each row and column; False where it has holes or several surfaces."""
+    a, b, c, d = left + 1, left + 3, left, left + 2
+    qa, qb, qc, qd = disparity[top, a], disparity[top + 1, b], disparity[top + 2, c], disparity[top + 3, d]
+    farthest = min(min(qa, qb), min(qc, qd))
+    if not farthest > np.float32(0.95) * max(max(qa, qb), max(qc, qd)):
+        return False
+    quarter = np.float32(0.25)
+    cell[0], cell[1] = 1.0, farthest
+    cell[2] = quarter * (luma[top, a] + luma[top + 1, b] + luma[top + 2, c] + luma[top + 3, d])
+    cell[3] = quarter * (chroma_b[top, a] + chroma_b[top + 1, b] + chroma_b[top + 2, c] + chroma_b[top + 3, d])
+    cell[4] = quarter * (chroma_r[top, a] + chroma_r[top + 1, b] + chroma_r[top + 2, c] + chroma_r[top + 3, d])
+    return True
+
+
+@numba.njit(inline="always", cache=True)
+def _beside_hidden(disparity: F32, y: int, x: int) -> bool:
+    """Whether a pixel touches a hole that something hides: its colour may be mixed with that of what does."""
+    h, w = disparity.shape
+    a, b = disparity[max(y - 1, 0), x], disparity[min(y + 1, h - 1), x]
+    c, d = disparity[y, max(x - 1, 0)], disparity[y, min(x + 1, w - 1)]
+    return (-np.inf < a <= 0.0) or (-np.inf < b <= 0.0) or (-np.inf < c <= 0.0) or (-np.inf < d <= 0.0)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _weigh(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, top: int, left: int, cell: F32) -> None:
+    """cell [5] from all of its pixels, farther surfaces first."""
+    bottom, right = min(top + CELL, disparity.shape[0]), min(left + CELL, disparity.shape[1])
+    farthest = np.float32(np.inf)
+    for y in range(top, bottom):
+        for x in range(left, right):
+            farthest = min(farthest, abs(disparity[y, x]))
+    total, sum_y, sum_b, sum_r = 0.0, 0.0, 0.0, 0.0
+    for y in range(top, bottom):
+        for x in range(left, right):
+            if disparity[y, x] > 0.0:
+                share = _worth(disparity[y, x], farthest)
+                share *= MIXED if _beside_hidden(disparity, y, x) else 1.0
+                total += share
+                sum_y += share * luma[y, x]
+                sum_b += share * chroma_b[y, x]
+                sum_r += share * chroma_r[y, x]
+    _store(cell, total, farthest, sum_y, sum_b, sum_r)
 
 
 def _next_level(fine: F32, level: F32) -> None:
@@ -87,8 +115,7 @@ def _next_level(fine: F32, level: F32) -> None:
             farthest = np.float32(np.inf)
             for y in range(2 * j, min(2 * j + 2, h)):
                 for x in range(2 * i, min(2 * i + 2, w)):
-                    if fine[y, x, 0] > 0.0:
-                        farthest = min(farthest, fine[y, x, 1])
+                    farthest = min(farthest, fine[y, x, 1])
             total, sum_y, sum_b, sum_r = 0.0, 0.0, 0.0, 0.0
             for y in range(2 * j, min(2 * j + 2, h)):
                 for x in range(2 * i, min(2 * i + 2, w)):
@@ -98,7 +125,7 @@ def _next_level(fine: F32, level: F32) -> None:
                         sum_y += share * fine[y, x, 2]
                         sum_b += share * fine[y, x, 3]
                         sum_r += share * fine[y, x, 4]
-            _store(level, j, i, total, farthest, sum_y, sum_b, sum_r)
+            _store(level[j, i], total, farthest, sum_y, sum_b, sum_r)
 
 
 # One thread is quicker for the coarser levels.
@@ -116,18 +143,15 @@ def _worth(q: float, farthest: float) -> float:
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _store(
-    level: F32, j: int, i: int, total: float, farthest: float, sum_y: float, sum_b: float, sum_r: float
-) -> None:
+def _store(cell: F32, total: float, farthest: float, sum_y: float, sum_b: float, sum_r: float) -> None:
     inverse = 1.0 / total if total > 0.0 else 0.0
-    level[j, i, 0], level[j, i, 1] = min(total, 1.0), farthest
-    level[j, i, 2], level[j, i, 3], level[j, i, 4] = sum_y * inverse, sum_b * inverse, sum_r * inverse
+    cell[0], cell[1] = min(total, 1.0), farthest
+    cell[2], cell[3], cell[4] = sum_y * inverse, sum_b * inverse, sum_r * inverse
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float, float]:
-    """Colour between the four nearest cells of a level (their centres at whole numbers), farther surfaces first, and
-    the farthest of their disparities."""
+def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float]:
+    """Colour between the four nearest cells of a level (their centres at whole numbers), farther surfaces first."""
     j = min(max(math.floor(row), 0), max(coarse.shape[0] - 2, 0))
     i = min(max(math.floor(column), 0), max(coarse.shape[1] - 2, 0))
     nj, ni = min(j + 1, coarse.shape[0] - 1), min(i + 1, coarse.shape[1] - 1)
@@ -143,7 +167,7 @@ def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float
         sum_y += share * coarse[a, b, 2]
         sum_b += share * coarse[a, b, 3]
         sum_r += share * coarse[a, b, 4]
-    return sum_y / total, sum_b / total, sum_r / total, farthest
+    return sum_y / total, sum_b / total, sum_r / total
 
 
 def _refine_level(coarse: F32, fine: F32) -> None:
@@ -152,12 +176,13 @@ def _refine_level(coarse: F32, fine: F32) -> None:
         for i in range(fine.shape[1]):
             weight = fine[j, i, 0]
             if weight < 1.0:
-                cy, cb, cr, _ = _sample(coarse, 0.5 * np.int64(j) - 0.25, 0.5 * i - 0.25)
+                cy, cb, cr = _sample(coarse, 0.5 * np.int64(j) - 0.25, 0.5 * i - 0.25)
                 fine[j, i, 2] = weight * fine[j, i, 2] + (1.0 - weight) * cy
                 fine[j, i, 3] = weight * fine[j, i, 3] + (1.0 - weight) * cb
                 fine[j, i, 4] = weight * fine[j, i, 4] + (1.0 - weight) * cr
-                if weight == 0.0:
-                    fine[j, i, 0], fine[j, i, 1] = 1.0, coarse[j // 2, i // 2, 1]
+                fine[j, i, 0] = 1.0
+                if fine[j, i, 1] == np.inf:
+                    fine[j, i, 1] = coarse[j // 2, i // 2, 1]
 
 
 # One thread is quicker for the coarser levels.
@@ -165,68 +190,25 @@ refine_level = numba.njit(cache=True, parallel=True, nogil=True, error_model="nu
 refine_level_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_refine_level)
 
 
-@numba.njit(inline="always", cache=True)
-def _direction(k: int) -> tuple[int, int]:
-    """Step (row, column) to the left, right, up or down."""
-    if k < 2:
-        return 0, (-1 if k == 0 else 1)
-    return (-1 if k == 2 else 1), 0
-
-
-@numba.njit(inline="always", cache=True)
-def _drawn_along(disparity: F32, y: int, x: int, dy: int, dx: int) -> int:
-    """Steps from a hole pixel to the next drawn one in a direction, 0 where there is none within REACH."""
-    h, w = disparity.shape
-    for step in range(1, REACH + 1):
-        y += dy
-        x += dx
-        if y < 0 or x < 0 or y >= h or x >= w:
-            return 0
-        if disparity[y, x] > 0.0:
-            return step
-    return 0
-
-
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def fill_holes(
-    disparity: F32, level: F32, fade: float, luma: F32, chroma_b: F32, chroma_r: F32
+def fade_into_smooth(
+    places: I32, layer: I32, level: F32, fade: float, disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32
 ) -> None:
-    """Colour every hole pixel: near its rim from the next drawn pixels left, right, up and down (structure goes
-    on), farther in from the first level, which is complete; half each at `fade` pixels."""
-    h, w = disparity.shape
-    for row in numba.prange(h):
-        y = np.int64(row)
-        for x in range(w):
-            if disparity[y, x] > 0.0:
-                continue
-            farthest, nearest = np.inf, REACH + 1
-            for k in range(4):
-                dy, dx = _direction(k)
-                step = _drawn_along(disparity, y, x, dy, dx)
-                if step > 0:
-                    farthest = min(farthest, disparity[y + step * dy, x + step * dx])
-                    nearest = min(nearest, step)
-            sum_y, sum_b, sum_r, beyond = _sample(level, (y + 0.5) / CELL - 0.5, (x + 0.5) / CELL - 0.5)
-            if farthest < np.inf:
-                share, rim_y, rim_b, rim_r = 0.0, 0.0, 0.0, 0.0
-                for k in range(4):
-                    dy, dx = _direction(k)
-                    step = _drawn_along(disparity, y, x, dy, dx)
-                    if step > 0:
-                        ny, nx = y + step * dy, x + step * dx
-                        weight = _worth(disparity[ny, nx], farthest) / (step * step)
-                        share += weight
-                        rim_y += weight * luma[ny, nx]
-                        rim_b += weight * chroma_b[ny, nx]
-                        rim_r += weight * chroma_r[ny, nx]
-                # A rim that is nearer than what lies about is the edge of what hides it.
-                own = _worth(farthest, min(farthest, beyond))
-                smooth = (nearest / fade) ** 2
-                rim, smooth = own / ((own + smooth) * share), smooth / (own + smooth)
-                sum_y = smooth * sum_y + rim * rim_y
-                sum_b = smooth * sum_b + rim * rim_b
-                sum_r = smooth * sum_r + rim * rim_r
-            luma[y, x], chroma_b[y, x], chroma_r[y, x] = sum_y, sum_b, sum_r
+    """Mix what was continued into holes with the first level, which is complete.
+
+    places [n, 2]: the holes' rows and columns. layer [h, w]: how many pixels in from the rim each has been coloured,
+    0 where it has not; half each at `fade` pixels. The holes' disparity becomes 0 again.
+    """
+    for n in numba.prange(places.shape[0]):
+        y, x = np.int64(places[n, 0]), np.int64(places[n, 1])
+        sum_y, sum_b, sum_r = _sample(level, (y + 0.5) / CELL - 0.5, (x + 0.5) / CELL - 0.5)
+        if layer[y, x] > 0:
+            share = 1.0 / (1.0 + (layer[y, x] / fade) ** 2)
+            sum_y += share * (luma[y, x] - sum_y)
+            sum_b += share * (chroma_b[y, x] - sum_b)
+            sum_r += share * (chroma_r[y, x] - sum_r)
+        disparity[y, x] = 0.0
+        luma[y, x], chroma_b[y, x], chroma_r[y, x] = sum_y, sum_b, sum_r
 
 
 @numba.njit(cache=True, parallel=True, nogil=True)

@@ -1,0 +1,245 @@
+"""Continuation of structure into holes: coherence transport (Bornemann and Maerz, J. Math. Imaging Vision 28, 2007).
+
+Hole pixels are coloured in layers from the rims of farther surfaces inwards. Each takes the weighted mean of that
+surface and of what is already coloured within a small disc, mostly of what lies along the direction in which the
+picture's structure runs; the direction is measured at the rim and handed on inwards. Nearer surfaces never
+contribute. A layer reads only the layers before it, so the result does not depend on any order within it.
+
+Holes are listed: places int32 [n, 2] are their rows and columns in reading order, and index int32 [h, w] has each
+one's number in that list (anything where something was drawn). depths float32 [n, 2] are disparities: of the
+farthest surface that may go on at a hole pixel, and of the nearest that may hide it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["ANGLES", "LEVELS", "SAME", "WINDOW", "continue_structure", "disc_weights", "list_holes", "spread_depths"]
+
+F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+
+ANGLES = 32  # directions, over half a turn, that structure may run in
+LEVELS = 9  # of sureness that it does
+WINDOW = 3  # pixels each way within which the direction is measured at a rim
+SAME = 1.06  # ratio of disparities up to which surfaces count as one
+MIXED = 1e-6  # weight, of 1, of a pixel whose colour may be mixed with that of what hid the hole
+_SWEEPS = 16  # at most, of both directions; two do for holes without many turns
+
+
+def disc_weights(radius: float, sharpness: float) -> tuple[I32, F32]:
+    """Offsets [n, 2] (row, column) of a disc, and their weights [ANGLES * LEVELS, n].
+
+    Row a * LEVELS + s of the weights: where structure runs at the angle a * pi / ANGLES, from right over down, as
+    surely as s / (LEVELS - 1). `sharpness`: 1 / pixels by which weights fall off across the direction.
+    """
+    reach = math.floor(radius)
+    rows, columns = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    distance = np.hypot(rows, columns)
+    disc = (distance > 0) & (distance <= radius)
+    rows, columns, distance = rows[disc], columns[disc], distance[disc]
+    angles = np.arange(ANGLES)[:, None, None] * (math.pi / ANGLES)
+    across = np.cos(angles) * rows - np.sin(angles) * columns
+    sureness = (np.arange(LEVELS) / (LEVELS - 1))[:, None]
+    # A little of everything, so that there is always something to take.
+    along = np.exp(-0.5 * (sharpness * across) ** 2) + 1e-4
+    weights = (sureness * along + (1.0 - sureness)) / distance
+    return np.stack([rows, columns], axis=-1).astype(np.int32), weights.reshape(-1, len(rows)).astype(np.float32)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True)
+def list_holes(disparity: F32, starts: I64, places: I32, index: I32) -> None:
+    """Write places and index; starts [h + 1]: the number of each row's first hole, and of all."""
+    for row in numba.prange(disparity.shape[0]):
+        y = np.int64(row)
+        n = starts[y]
+        for x in range(disparity.shape[1]):
+            if n == starts[y + 1]:
+                break
+            if disparity[y, x] <= 0.0:
+                places[n, 0], places[n, 1] = y, x
+                index[y, x] = n
+                n += 1
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def spread_depths(disparity: F32, places: I32, index: I32, rise: float, depths: F32) -> None:
+    """Write depths from the holes' rims: `rise` is how much disparity may differ between what goes on at a hole and
+    what hides it, for each pixel that they are apart.
+
+    The holes' own disparity becomes the negative of the farthest, or minus infinity where nothing nearer hides it.
+    """
+    h, w = disparity.shape
+    for n in range(places.shape[0]):
+        y, x = int(places[n, 0]), int(places[n, 1])
+        farthest, nearest = np.float32(np.inf), np.float32(-np.inf)
+        for v in range(max(y - 1, 0), min(y + 2, h)):
+            for u in range(max(x - 1, 0), min(x + 2, w)):
+                q = disparity[v, u]
+                if q > 0.0:
+                    farthest, nearest = min(farthest, q), max(nearest, q)
+        depths[n, 0], depths[n, 1] = farthest, nearest
+    for sweep in range(2 * _SWEEPS):
+        if not _sweep(disparity, places, index, np.float32(rise), sweep % 2 == 0, depths) and sweep > 0:
+            break
+    for n in range(places.shape[0]):
+        hidden = depths[n, 1] > SAME * depths[n, 0]
+        disparity[places[n, 0], places[n, 1]] = -depths[n, 0] if hidden else -np.inf
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _sweep(disparity: F32, places: I32, index: I32, rise: float, forward: bool, depths: F32) -> bool:
+    """Spread depths to the right and down, or to the left and up; returns whether anything changed."""
+    h, w = disparity.shape
+    changed, side = False, -1 if forward else 1
+    for m in range(places.shape[0]):
+        n = m if forward else places.shape[0] - 1 - m
+        y, x = int(places[n, 0]), int(places[n, 1])
+        farthest, nearest = depths[n, 0], depths[n, 1]
+        for k in range(4):
+            v, u = (y, x + side) if k == 3 else (y + side, x + k - 1)
+            if 0 <= v < h and 0 <= u < w and disparity[v, u] <= 0.0:
+                other = index[v, u]
+                farthest = min(farthest, depths[other, 0] + rise)
+                nearest = max(nearest, depths[other, 1] - rise)
+        changed |= farthest != depths[n, 0] or nearest != depths[n, 1]
+        depths[n, 0], depths[n, 1] = farthest, nearest
+    return changed
+
+
+@numba.njit(inline="always", cache=True)
+def _goes_on(disparity: F32, y: int, x: int, limit: float) -> bool:
+    """Whether a drawn pixel belongs to a surface that goes on where disparities up to `limit` do."""
+    return 0.0 < disparity[y, x] <= limit
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _sort_into_layers(
+    disparity: F32, places: I32, index: I32, depths: F32, layers: int, layer: I32, order: I32
+) -> int:
+    """layer [h, w], all 0: from 1 on in holes up to the last one; order [n]: holes by layer. Returns how many."""
+    h, w = disparity.shape
+    start, count = 0, 0
+    for n in range(places.shape[0]):
+        y, x = int(places[n, 0]), int(places[n, 1])
+        for v in range(max(y - 1, 0), min(y + 2, h)):
+            for u in range(max(x - 1, 0), min(x + 2, w)):
+                if _goes_on(disparity, v, u, SAME * depths[n, 0]):
+                    layer[y, x] = 1
+        if layer[y, x] == 1:
+            order[count] = n
+            count += 1
+    for number in range(2, layers + 1):
+        stop = count
+        for m in range(start, stop):
+            y, x = int(places[order[m], 0]), int(places[order[m], 1])
+            for v in range(max(y - 1, 0), min(y + 2, h)):
+                for u in range(max(x - 1, 0), min(x + 2, w)):
+                    # Every other layer grows straight only: squares become octagons.
+                    straight = v == y or u == x
+                    if disparity[v, u] <= 0.0 and layer[v, u] == 0 and (number % 2 == 0 or straight):
+                        layer[v, u] = number
+                        order[count] = index[v, u]
+                        count += 1
+        start = stop
+    return count
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _measure(disparity: F32, luma: F32, y: int, x: int, limit: float, tensor: F32) -> None:
+    """tensor [3]: structure tensor (xx, xy, yy) of what goes on, round a pixel."""
+    h, w = disparity.shape
+    for v in range(max(y - WINDOW, 0), min(y + WINDOW, h - 1)):
+        for u in range(max(x - WINDOW, 0), min(x + WINDOW, w - 1)):
+            if (
+                _goes_on(disparity, v, u, limit) and _goes_on(disparity, v, u + 1, limit)
+                and _goes_on(disparity, v + 1, u, limit) and _goes_on(disparity, v + 1, u + 1, limit)
+            ):  # fmt: skip
+                a, b, c, d = luma[v, u], luma[v, u + 1], luma[v + 1, u], luma[v + 1, u + 1]
+                gx, gy = b + d - a - c, c + d - a - b
+                tensor[0] += gx * gx
+                tensor[1] += gx * gy
+                tensor[2] += gy * gy
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _hand_on(disparity: F32, index: I32, layer: I32, y: int, x: int, own: int, tensors: F32, tensor: F32) -> None:
+    """tensor [3]: the mean of those of the neighbours in earlier layers."""
+    h, w = disparity.shape
+    count = 0
+    for v in range(max(y - 1, 0), min(y + 2, h)):
+        for u in range(max(x - 1, 0), min(x + 2, w)):
+            if disparity[v, u] <= 0.0 and 0 < layer[v, u] < own:
+                count += 1
+                for k in range(3):
+                    tensor[k] += tensors[index[v, u], k]
+    for k in range(3):
+        tensor[k] /= np.float32(count)
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _row_of_weights(tensor: F32) -> int:
+    """Which weights fit a structure tensor."""
+    xx, xy, yy = tensor[0], tensor[1], tensor[2]
+    coherence = math.sqrt((xx - yy) * (xx - yy) + 4.0 * xy * xy) / (xx + yy + 1e-6)
+    angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi  # of least change
+    turn = int(angle * (ANGLES / math.pi) + 0.5) % ANGLES
+    return turn * LEVELS + int(coherence * coherence * (LEVELS - 1) + 0.5)
+
+
+@numba.njit(inline="always", cache=True)
+def _at_a_hole(disparity: F32, y: int, x: int) -> bool:
+    h, w = disparity.shape
+    return (
+        disparity[max(y - 1, 0), x] <= 0.0 or disparity[min(y + 1, h - 1), x] <= 0.0
+        or disparity[y, max(x - 1, 0)] <= 0.0 or disparity[y, min(x + 1, w - 1)] <= 0.0
+    )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def continue_structure(
+    disparity: F32, places: I32, index: I32, depths: F32, layers: int, offsets: I32, weights: F32,
+    layer: I32, luma: F32, chroma_b: F32, chroma_r: F32,
+) -> None:  # fmt: skip
+    """Colour the holes in the first `layers` layers; layer [h, w], given as all 0, then says which.
+
+    `offsets` and `weights` are those of `disc_weights`.
+    """
+    h, w = disparity.shape
+    order = np.empty(places.shape[0], np.int32)
+    tensors = np.zeros((places.shape[0], 3), np.float32)
+    count = _sort_into_layers(disparity, places, index, depths, layers, layer, order)
+    for m in range(count):
+        n = order[m]
+        y, x, limit = int(places[n, 0]), int(places[n, 1]), SAME * depths[n, 0]
+        own = layer[y, x]
+        if own == 1:
+            _measure(disparity, luma, y, x, limit, tensors[n])
+        else:
+            _hand_on(disparity, index, layer, y, x, own, tensors, tensors[n])
+        row = _row_of_weights(tensors[n])
+        hidden = depths[n, 1] > limit  # by something nearer, whose colour the rim may have
+        total, sum_y, sum_b, sum_r = 0.0, 0.0, 0.0, 0.0
+        for k in range(offsets.shape[0]):
+            v, u = y + offsets[k, 0], x + offsets[k, 1]
+            if v < 0 or u < 0 or v >= h or u >= w:
+                continue
+            share = weights[row, k]
+            q = disparity[v, u]
+            if q <= 0.0:
+                share = share if 0 < layer[v, u] < own else 0.0
+            elif q > limit:
+                share = 0.0
+            elif hidden and _at_a_hole(disparity, v, u):
+                share *= MIXED
+            if share > 0.0:
+                total += share
+                sum_y += share * luma[v, u]
+                sum_b += share * chroma_b[v, u]
+                sum_r += share * chroma_r[v, u]
+        luma[y, x], chroma_b[y, x], chroma_r[y, x] = sum_y / total, sum_b / total, sum_r / total
