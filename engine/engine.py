@@ -137,7 +137,10 @@ class Engine:
         with timed(stages, "triangulate"):
             ready = None if self.settings.overdraw else _FIRST_VIEWS
             for viewer in (viewers or {}).values():
-                for k in self._select(viewer, views, scene)[:ready]:
+                chosen = self._select(viewer, views, scene)
+                for k in chosen[ready:] if ready else ():
+                    views[k].completed  # noqa: B018 (colours are fetched by it, whether or not a mesh is drawn)
+                for k in chosen[:ready]:
                     for part in views[k].parts:
                         views[k].mesh(part)
                     if self.settings.blend > 1:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from farside.engine.bench.background import inside_rig
-from farside.engine.bench.sparse import MODES, SparseSample, compare_sparse
+from farside.engine.bench.sparse import MODES, SparseSample, compare_sparse, completion_cost, punched
 from farside.engine.tmiv import open_sequence
 from rich.console import Console
 from rich.table import Table
@@ -27,6 +27,10 @@ def show_sparse(folder: Path, cameras: list[str] | None, frames: int, every: int
         means = [_mean(samples, name, mode) for mode in MODES]
         gained = means[2][1] - means[1][1]
         table.add_row(name, *(f"{p:.2f} / {iv:.2f}" for p, iv in means), f"{gained:+.2f}")
+    view = punched(sequence.frame(0, sequence.source_names[:1]).views[0], 1)
+    lost = 100 * float(np.mean(view.codes == 0))
+    cost = completion_cost(view)
+    table.caption = f"{lost:.0f} % of the first view lost; completing it: {cost:.0f} ms CPU a megapixel"
     Console(width=110).print(table)
 
 
