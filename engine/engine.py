@@ -143,8 +143,6 @@ class Engine:
                 for k in chosen[:ready]:
                     for part in views[k].parts:
                         views[k].mesh(part)
-                    if self.settings.blend > 1:
-                        views[k].confidence  # noqa: B018 (made here, not while a viewer waits)
         self._front = _FrontBuffer(frame, scene, views, present, tones, backdrops)
         return BackEndReport(frame.index, stages, report)
 
@@ -275,9 +273,7 @@ class Engine:
                     canvas.grey()
                 if views:
                     every = [*chosen, -1, *range(len(front.views))][: len(views)]
-                    rows = None if tones is None else tones[every]
-                    blended = len(chosen) if self.settings.blend > 1 else 0
-                    table = ViewTable(views, rows, drawn=len(chosen), blended=blended)
+                    table = ViewTable(views, None if tones is None else tones[every], drawn=len(chosen))
                     canvas.shade(target, table, len(chosen), self.settings.blend, cubic=self.settings.cubic)
             with timed(report.stages, "antialias"):
                 if self.settings.antialias and views:

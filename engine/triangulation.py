@@ -14,7 +14,7 @@ from .camera import Camera, Equirectangular, Perspective
 from .kernels import triangulate as kernels
 from .mesh import Mesh
 
-__all__ = ["TriangulationOptions", "triangulate"]
+__all__ = ["TriangulationOptions", "depth_cuts", "triangulate"]
 
 # A coarse code cannot be followed closer than to its own rounding, on both ends of a triangle's side.
 _ROUNDING_CODES = 1.0
@@ -43,6 +43,24 @@ class TriangulationOptions:
             raise ValueError(f"max_block: {self.max_block!r}: expected a power of two")
 
 
+def depth_cuts(
+    camera: Camera,
+    codes: npt.NDArray[np.uint16],
+    options: TriangulationOptions,
+    keep: npt.NDArray[np.uint8] | None = None,
+) -> npt.NDArray[np.uint8]:
+    """Flags [h, w] of a view's pixels: where its surface is cut at depth edges, see `kernels.triangulate`."""
+    h, w = camera.height, camera.width
+    _check("codes", codes, (h, w), np.uint16)
+    if keep is not None:
+        _check("keep", keep, (h, w), np.uint8)
+    flags = np.empty((h, w), np.uint8)
+    mask = np.zeros((1, 1), np.uint8) if keep is None else keep
+    edge = options.edge / camera.depth.step
+    kernels.mark_broken(codes, mask, keep is not None, camera.depth.has_invalid, edge, _wraps(camera), flags)
+    return flags
+
+
 def triangulate(
     camera: Camera,
     codes: npt.NDArray[np.uint16],
@@ -51,25 +69,20 @@ def triangulate(
     origin: npt.ArrayLike = (0.0, 0.0, 0.0),
     keep: npt.NDArray[np.uint8] | None = None,
     rims: bool = False,
+    cuts: npt.NDArray[np.uint8] | None = None,
 ) -> Mesh:
     """Triangulate a view's depth codes [h, w].
 
-    With `rims` only what the surface leaves of the squares of pixels at depth edges is made.
+    With `rims` only what the surface leaves of the squares of pixels at depth edges is made. `cuts` is what
+    `depth_cuts` gives for the same arguments, if it is known.
 
     Where `keep` (uint8 [h, w]) is given, only triangles with at least one kept pixel are made (section 3.3.3)
     and no merged triangle spans kept and other pixels. Points are relative to `origin`, metres. Raises ValueError
     for arrays of another shape or type.
     """
     h, w = camera.height, camera.width
-    _check("codes", codes, (h, w), np.uint16)
-    if keep is not None:
-        _check("keep", keep, (h, w), np.uint8)
-    coding, wraps = camera.depth, isinstance(camera.projection, Equirectangular) and camera.projection.wraps
-    flags = np.empty((h, w), np.uint8)
-    mask = np.zeros((1, 1), np.uint8) if keep is None else keep
-    kernels.mark_broken(
-        codes, mask, keep is not None, coding.has_invalid, options.edge / coding.step, wraps, flags
-    )
+    coding, wraps = camera.depth, _wraps(camera)
+    flags = depth_cuts(camera, codes, options, keep) if cuts is None else cuts
     block = max(options.max_block, 2)
     tolerance = max(options.tolerance / coding.step, _ROUNDING_CODES) if options.tolerance > 0 else -1.0
     rows, columns = math.ceil((h - 1) / block), math.ceil((w - (not wraps)) / block)
@@ -95,6 +108,10 @@ def triangulate(
     if isinstance(camera.projection, Perspective) and camera.projection.fx * camera.projection.fy < 0:
         triangles = np.ascontiguousarray(triangles[:, [0, 2, 1]])  # a mirrored picture winds the other way
     return Mesh(points, uv, triangles, starts)
+
+
+def _wraps(camera: Camera) -> bool:
+    return isinstance(camera.projection, Equirectangular) and camera.projection.wraps
 
 
 def _check(name: str, array: npt.NDArray[Any], shape: tuple[int, int], dtype: type) -> None:

@@ -15,11 +15,11 @@ import numpy.typing as npt
 from .camera import Camera, Equirectangular, Perspective
 from .completion import Completed, complete
 from .frame import Texture, View
-from .kernels import antialias, composite, confidence, rasterise, shade
+from .kernels import antialias, composite, rasterise, shade
 from .kernels import fill as fill_kernels
 from .kernels.tone import IDENTITY
 from .mesh import Mesh
-from .triangulation import TriangulationOptions, triangulate
+from .triangulation import TriangulationOptions, depth_cuts, triangulate
 
 __all__ = ["Canvas", "PreparedView", "Target", "ViewTable", "pixels_per_radian"]
 
@@ -80,7 +80,10 @@ class PreparedView:
         if part == "surface" and doubtful is not None:
             codes = np.where(doubtful, np.uint16(0), codes)
         keep, rims = doubtful if part == "doubtful" else None, part == "rims"
-        return triangulate(self.view.camera, codes, self.options, origin=self.origin, keep=keep, rims=rims)
+        cuts = self.cuts if rims or doubtful is None else None
+        return triangulate(
+            self.view.camera, codes, self.options, origin=self.origin, keep=keep, rims=rims, cuts=cuts
+        )
 
     @cached_property
     def invalid_share(self) -> float:
@@ -96,7 +99,7 @@ class PreparedView:
         row[shade.OFFSET], row[shade.STEP] = coding.offset, coding.step
         row[shade.INVALID] = coding.has_invalid
         row[shade.EDGE] = max(self.options.edge / coding.step, 1.0)
-        row[shade.TOLERANCE] = 0.5 * row[shade.EDGE] + 1.0
+        row[shade.TOLERANCE] = row[shade.EDGE] + 1.0  # a step within which a surface is not cut is no disagreement
         row[shade.SHARPNESS] = pixels_per_radian(camera)
         row[shade.PIXEL] = 1.0 / pixels_per_radian(camera)
         if isinstance(camera.projection, Equirectangular):
@@ -114,32 +117,29 @@ class PreparedView:
         return np.array([plane.ctypes.data for plane in planes], np.int64)
 
     @cached_property
-    def confidence(self) -> npt.NDArray[np.uint8]:  # [h, w]
-        """How far the colour of each texel is trusted: next to depth edges it is mixed."""
-        marks = np.empty(self.view.codes.shape, np.uint8)
-        confidence.mark_mixed(self.completed.codes, float(self.table_row[shade.EDGE]), marks)
-        return marks
+    def cuts(self) -> npt.NDArray[np.uint8]:  # [h, w]
+        """Where the view's surface is cut, doubtful depth included (see `depth_cuts`)."""
+        return depth_cuts(self.view.camera, self.completed.codes, self.options)
 
 
 class ViewTable:
     """Views as `kernels.shade` reads them; keeps their arrays alive.
 
     tones [n, TONE_SIZE]: what is done to the views' colours, packed (`kernels.tone`); None: nothing. The first `drawn`
-    come with their completed depth, the others with the measured one; the first `blended` with their texels'
-    confidence, of the others all are trusted alike.
+    come with their completed depth and the cuts of their surfaces, which colours are fetched by; the others with the
+    measured depth.
     """
 
     def __init__(
-        self, views: Sequence[PreparedView], tones: npt.NDArray[np.float64] | None = None, *,
-        drawn: int = 0, blended: int = 0,
-    ) -> None:  # fmt: skip
+        self, views: Sequence[PreparedView], tones: npt.NDArray[np.float64] | None = None, *, drawn: int = 0
+    ) -> None:
         self.views = tuple(views)
         self.rows = np.stack([view.table_row for view in views])
         if tones is not None:
             self.rows[:, shade.TONE :] = tones
         planes = [view.addresses(measured=k >= drawn) for k, view in enumerate(views)]
-        marks = [view.confidence.ctypes.data if k < blended else 0 for k, view in enumerate(views)]
-        self.addresses = np.column_stack([planes, np.array(marks, np.int64)])
+        cuts = [view.cuts.ctypes.data if k < drawn else 0 for k, view in enumerate(views)]
+        self.addresses = np.column_stack([planes, np.array(cuts, np.int64)])
 
 
 class _Kernels(NamedTuple):

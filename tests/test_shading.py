@@ -45,7 +45,7 @@ def shaded(camera, views, *, blend=1, backdrops=0, cubic=False):
     for number, view in enumerate(views):
         canvas.draw(view.mesh(), target, number, 0.01, 1e-3)
     n_views = len(views) - backdrops
-    table = ViewTable(views, blended=n_views if blend > 1 else 0)
+    table = ViewTable(views, drawn=n_views)
     canvas.shade(target, table, n_views, blend, cubic=cubic)
     return canvas
 

@@ -4,11 +4,11 @@ A pixel's disparity gives a point; the point is projected into each view, and a 
 there contributes its colour, interpolated over the texels that lie on that surface: bilinear, or cubic convolution
 (Keys 1981), which keeps the sharpness that blending takes away. The weight favours views that look from nearly the
 same direction (unstructured lumigraph, Buehler et al. 2001: angle), that resolve the surface at least as finely
-(distance), whose texel is trusted, and fades near a picture's border.
+(distance), whose texel is not a mixture of two surfaces, and fades near a picture's border.
 
 A view table is float64 [n, TABLE_SIZE] (packed camera, then the fields below) beside int64 [n, 5], the addresses
-of its C-contiguous arrays: codes, y, cb, cr (uint16), and confidence (uint8), or 0 where every texel is trusted alike.
-The caller keeps the arrays alive.
+of its C-contiguous arrays: codes, y, cb, cr (uint16) and, for views that are drawn, where their surface is cut (uint8,
+the flags of `kernels.triangulate`). The caller keeps the arrays alive.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from . import triangulate
 from .project import CAMERA_SIZE, PERSPECTIVE, unproject_point
 from .tone import LARGEST, TONE_SIZE, toned
 
@@ -58,6 +59,7 @@ TABLE_SIZE = TONE + TONE_SIZE
 OUTSIDE = -1e300  # stands for the depth code of a point that a view has no pixel for
 _CHUNKS = 64
 _SMOOTH = 16  # codes between four texels within which linear interpolation is as good as cubic
+_MIXED = 0.03  # weight of a texel at a depth edge: where no other view sees a surface, its rim is painted with it
 _BORDER_PX = 8.0  # over which a view fades out near its border
 
 F32 = npt.NDArray[np.float32]
@@ -170,8 +172,8 @@ def _project_row(table: F64, k: int, points: F64, images: F64) -> None:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
 def _weigh_row(table: F64, k: int, eye: F64, points: F64, images: F64, weights: F64) -> None:
-    """weights [2, w] of view k's trusted and untrusted texels: small angle between its ray and the eye's, fine
-    sampling, off the border. Where the rays are within a pixel of each other, every texel is what the eye sees."""
+    """weights [2, w] of view k's clean and mixed texels: small angle between its ray and the eye's, fine sampling,
+    off the border. Where the two rays are within a pixel of each other, a mixed texel is what the eye sees."""
     sharpness, width, height = table[k, SHARPNESS] * table[k, SHARPNESS], table[k, 1], table[k, 2]
     softest = 1.0 if table[k, 19] > 0.0 else 0.02  # a picture that wraps has no border
     pixel2 = table[k, PIXEL] * table[k, PIXEL]
@@ -189,7 +191,8 @@ def _weigh_row(table: F64, k: int, eye: F64, points: F64, images: F64, weights: 
         border = min(1.0, max(softest, border))
         weight = border * (0.1 * vv + finer) * ee / (3e-5 * both + sine2)
         same, apart = pixel2 * both, sine2
-        weights[0, x], weights[1, x] = weight, weight * same * same / (same * same + apart * apart)
+        alike = same * same / (same * same + apart * apart)
+        weights[0, x], weights[1, x] = weight, weight * (_MIXED + (1.0 - _MIXED) * alike)
 
 
 @intrinsic
@@ -231,6 +234,14 @@ def _cubic_shares(f: float) -> tuple[float, float, float, float]:
     """Of the samples at -1, 0, 1 and 2 for a place f in [0, 1): cubic convolution with a = -1/2."""
     g = 1.0 - f
     return -0.5 * f * g * g, 1.0 + f * f * (1.5 * f - 2.5), 1.0 + g * g * (1.5 * g - 2.5), -0.5 * g * f * f
+
+
+@numba.njit(inline="always", cache=True)
+def _is_whole(cuts: int, at: int, width: int) -> bool:
+    """Whether the surface is cut nowhere between a texel and those to its right and below."""
+    right, down = triangulate.CUT_RIGHT, triangulate.CUT_DOWN
+    here, beside, below = load_byte(cuts, at), load_byte(cuts, at + 1), load_byte(cuts, at + width)
+    return ((here & (right | down)) | (beside & down) | (below & right)) == 0
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -308,9 +319,9 @@ def _gather_row(
     finished = 0
     us, vs, codes, weight, ys, bs, rs = images[0], images[1], images[2], sums[0], sums[1], sums[2], sums[3]
     width, height, half = int(table[k, 1]), int(table[k, 2]), (int(table[k, 1]) + 1) // 2
-    edge, tolerance, lowest = table[k, EDGE], table[k, TOLERANCE], table[k, INVALID]
+    tolerance = table[k, TOLERANCE]
     depth, luma, chroma_b, chroma_r = addresses[k, 0], addresses[k, 1], addresses[k, 2], addresses[k, 3]
-    confidence, trusted, untrusted = addresses[k, 4], weights[0], weights[1]
+    cuts, clean, mixed = addresses[k, 4], weights[0], weights[1]
     tone = table[k, TONE:]
     # Where four by four samples of the chroma, and of the luma more so, lie inside the picture.
     last_x, last_y = (width if cubic else 0) - 7, height - 7
@@ -324,19 +335,16 @@ def _gather_row(
         if plain:
             x0, y0 = int(u), int(v)
             at = y0 * width + x0
-            ca, cb = load_texel(depth, at), load_texel(depth, at + 1)
-            cc, cd = load_texel(depth, at + width), load_texel(depth, at + width + 1)
-            low, high = min(min(ca, cb), min(cc, cd)), max(max(ca, cb), max(cc, cd))
-            plain = (high - low <= edge) & (low >= lowest)
+            plain = _is_whole(cuts, at, width)
         if plain:
             fx, fy = u - x0, v - y0
+            ca, cb = load_texel(depth, at), load_texel(depth, at + 1)
+            cc, cd = load_texel(depth, at + width), load_texel(depth, at + width + 1)
             top, bottom = ca + fx * (cb - ca), cc + fx * (cd - cc)
             if abs(top + fy * (bottom - top) - code) > tolerance:
                 continue
-            share = trusted[x]
-            if confidence != 0:
-                trust = load_byte(confidence, int(v + 0.5) * width + int(u + 0.5)) * (1.0 / 255.0)
-                share = trust * share + (1.0 - trust) * untrusted[x]
+            beside = load_byte(cuts, int(v + 0.5) * width + int(u + 0.5)) & triangulate.BROKEN
+            share = mixed[x] if beside else clean[x]
             ya, yb = load_texel(luma, at), load_texel(luma, at + 1)
             yc, yd = load_texel(luma, at + width), load_texel(luma, at + width + 1)
             rough = max(max(ya, yb), max(yc, yd)) - min(min(ya, yb), min(yc, yd)) > _SMOOTH
@@ -357,12 +365,8 @@ def _gather_row(
             y, b, r, share = _fetch(table, addresses, k, us[x], vs[x], code, False)
             if share <= 0.0:
                 continue
-            if confidence != 0:
-                px, py = min(int(us[x]), width - 1), min(int(vs[x]), height - 1)
-                trust = load_byte(confidence, py * width + px) * (1.0 / 255.0)
-                share *= trust * trusted[x] + (1.0 - trust) * untrusted[x]
-            else:
-                share *= trusted[x]
+            at = min(int(vs[x]), height - 1) * width + min(int(us[x]), width - 1)
+            share *= mixed[x] if load_byte(cuts, at) & triangulate.BROKEN else clean[x]
         y, b, r = toned(tone, y, b, r)
         weight[x] += share
         ys[x] += share * y
