@@ -107,7 +107,7 @@ def test_clean_views_are_left_alone():
 
 def rendered(views, **settings):
     cameras = [view.camera for view in views]
-    engine = Engine(cameras, Settings(background=False, fill=False, **settings))
+    engine = Engine(cameras, Settings(background=False, fill="none", **settings))
     engine.update(Frame(0, tuple(views)))
     return engine.render_camera(cameras[0])
 
