@@ -1,7 +1,9 @@
 """Completion of depth maps that have pixels without depth, as sensors leave them on what is dark, glossy or thin.
 
 A completed pixel next to measured ones is as good as measured. The others are doubtful: they are drawn only where no
-view has a surface that was measured. The background model is built from measured depth alone.
+view has a surface that was measured. So are mixed pixels, whose depth lies half way between a surface and the one
+that it hides ("flying pixels"), and which are completed like those without depth. The background model is built from
+measured depth alone.
 """
 
 from __future__ import annotations
@@ -37,8 +39,10 @@ def complete(view: View, edge: float) -> Completed:
     """
     if not view.camera.depth.has_invalid or view.codes.all() or not view.codes.any():
         return Completed(view.codes, None)
-    codes, confidence = completed_codes(view, edge)
-    return Completed(codes, (confidence < _TRUSTED).astype(np.uint8))
+    measured = np.empty_like(view.codes)
+    kernels.drop_mixed(view.codes, edge / view.camera.depth.step, measured)
+    codes, confidence = completed_codes(View(view.camera, view.texture, measured), edge)
+    return Completed(codes, ((confidence < _TRUSTED) | (measured != view.codes)).astype(np.uint8))
 
 
 def completed_codes(view: View, edge: float) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint8]]:

@@ -10,6 +10,7 @@ from farside.engine.completion import complete, completed_codes
 from farside.engine.depth import DepthCoding
 from farside.engine.engine import Engine
 from farside.engine.frame import Frame, Texture, View
+from farside.engine.kernels.complete import drop_mixed
 from farside.engine.settings import Settings
 from farside.engine.synth import write_twin
 from farside.engine.tmiv import open_sequence
@@ -90,6 +91,46 @@ def test_a_step_under_a_colour_edge_is_not_smeared():
     out, _ = completed(view_of(codes, np.where(near, 200, 800)))
     assert np.abs(out[near].astype(int) - 40000).max() < 2500
     assert np.abs(out[~near].astype(int) - 15000).max() < 2500
+
+
+def mixed_by_loops(codes, edge):
+    """Pixels half way between two surfaces, straight from the definition."""
+    mixed = np.zeros(codes.shape, bool)
+    for lines, marks in ((codes, mixed), (codes.T, mixed.T)):
+        for j, i in np.ndindex(lines.shape):
+            if 2 <= i < lines.shape[1] - 2:
+                p, a, c, b, q = (int(lines[j, i + k]) for k in range(-2, 3))
+                slopes = abs(a - p) * (p > 0), abs(b - q) * (q > 0)
+                between = a > 0 and b > 0 and min(a, b) < c < max(a, b) and abs(a - b) > edge
+                marks[j, i] |= between and 4 * min(abs(c - a), abs(c - b)) > abs(a - b) > 4 * max(slopes)
+    return mixed
+
+
+@pytest.mark.parametrize("shape", [(19, 33), (3, 60), (60, 4)])
+def test_mixed_pixels_as_by_definition(shape):
+    rng = np.random.default_rng(shape[1])
+    runs = np.repeat(np.repeat(rng.choice([20000, 34000], shape), 3, 0), 3, 1)[: shape[0], : shape[1]]
+    codes = np.where(rng.random(shape) < 0.2, rng.integers(20000, 34000, shape), runs).astype(np.uint16)
+    codes[rng.random(shape) < 0.05] = 0
+    out = np.empty_like(codes)
+    drop_mixed(codes, EDGE_CODES, out)
+    expected = mixed_by_loops(codes, EDGE_CODES)
+    assert expected.any()
+    np.testing.assert_array_equal(out, np.where(expected, 0, codes))
+
+
+def test_a_mixed_pixel_goes_and_a_slope_stays():
+    x = np.broadcast_to(np.arange(40), (30, 40))
+    codes = np.where(x < 20, 40000, 15000)
+    codes[:, 20] = 28000
+    codes[0, 0] = 0
+    view = view_of(codes)
+    mixed = complete(view, EDGE_CODES * CODING.step).doubtful
+    assert (mixed[:, 20] == 1).all()
+    assert mixed[2:, :20].sum() == mixed[:, 21:].sum() == 0
+    steep = 10000 + 1500 * x  # two pixels are an edge apart
+    steep = np.where((x == 0) & (np.arange(30)[:, None] == 0), 0, steep)
+    assert complete(view_of(steep), EDGE_CODES * CODING.step).doubtful[2:].sum() == 0
 
 
 def test_clean_views_are_left_alone():

@@ -17,7 +17,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["MEASURED", "first_level", "next_level", "push_level", "push_pixels"]
+__all__ = ["MEASURED", "drop_mixed", "first_level", "next_level", "push_level", "push_pixels"]
 
 MEASURED = 255  # confidence of a measured pixel
 
@@ -35,6 +35,39 @@ def _spring(cell: F32, y: float, cb: float, cr: float) -> float:
     """Strength of the bond between a cell and a colour: Lorentzian, never nothing."""
     d = (abs(y - cell[2]) + abs(cb - cell[3]) + abs(cr - cell[4])) * np.float32(1.0 / _COLOUR)
     return np.float32(1.0) / (np.float32(1.0) + d * d)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mixed(far_a: int, a: int, code: int, b: int, far_b: int) -> bool:
+    """Whether of five codes in a row the middle one lies between two surfaces, on neither of them nor on a slope."""
+    low, high = np.int32(min(a, b)), np.int32(max(a, b))
+    if not 0 < low < code < high:
+        return False
+    slope_a = abs(np.int32(a) - np.int32(far_a)) if far_a > 0 else 0
+    slope_b = abs(np.int32(b) - np.int32(far_b)) if far_b > 0 else 0
+    step, off = high - low, min(high - code, code - low)
+    return bool(4 * off > step > 4 * max(slope_a, slope_b))
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def drop_mixed(codes: U16, edge: float, out: U16) -> None:
+    """out [h, w]: the codes, 0 where one lies half way between surfaces more than `edge` codes apart: the sensor saw
+    both in one pixel."""
+    h, w = codes.shape
+    limit = np.float32(edge)
+    for row in numba.prange(h):
+        y = np.int64(row)
+        here, above, below = codes[y], codes[max(y - 1, np.int64(0))], codes[min(y + 1, h - 1)]
+        out[y] = here
+        for x in range(w):
+            step = np.float32(abs(np.int32(above[x]) - np.int32(below[x])))
+            inside = 2 <= y < h - 2
+            if inside and step > limit and _mixed(codes[y - 2, x], above[x], here[x], below[x], codes[y + 2, x]):
+                out[y, x] = 0
+        for x in range(2, w - 2):
+            step = np.float32(abs(np.int32(here[x - 1]) - np.int32(here[x + 1])))
+            if step > limit and _mixed(here[x - 2], here[x - 1], here[x], here[x + 1], here[x + 2]):
+                out[y, x] = 0
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
