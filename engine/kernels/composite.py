@@ -44,7 +44,8 @@ def lay_backdrop(
 ) -> None:  # fmt: skip
     """Take the backdrop's disparity where nothing was drawn or where it is clearly nearer, as view `number`.
 
-    Not taken is what is a ghost of the past: a surface through which one of the table's (present) views looks.
+    Not taken is what is a ghost of the past: a surface through which one of the table's (present) views looks, beside
+    whose outline even, if it would hide something.
     `order` [n]: rows of the views that were not drawn, the most useful first. What stands before the background now,
     they alone may know: where one has a surface on a hole's ray that is not behind the backdrop's (or anywhere on it,
     if that is a ghost), the hole shows it, as view `number` + 1 + the view's row. And where there are such views, only
@@ -58,9 +59,10 @@ def lay_backdrop(
             if q <= 0.0 or (live > 0.0 and 1.0 / q > (1.0 - _NEARER) / live - slack):
                 continue
             px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / q)
-            ghost = False
+            # What was drawn gives way to nothing that a view's outline leaves in doubt: a view's own picture stays.
+            ghost, texels = False, 4 if live <= 0.0 else 1
             for k in range(table.shape[0]):
-                if looks_through(table[k], addresses[k, 0], px, py, pz, slack):
+                if looks_through(table[k], addresses[k, 0], px, py, pz, slack, texels):
                     ghost = True
                     break
             if len(order) > 0:

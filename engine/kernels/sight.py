@@ -26,8 +26,8 @@ def _image(row: F64, x: float, y: float, z: float, slack: float) -> tuple[int, f
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: float) -> bool:
-    """Whether a view sees farther, by more than `slack` metres, on all four texels round a point's image.
+def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: float, texels: int = 4) -> bool:
+    """Whether a view sees farther, by more than `slack` metres, on so many of the four texels round a point's image.
 
     row: of a view table (`kernels.shade`), codes: address of depth codes of its size.
     """
@@ -35,11 +35,11 @@ def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: flo
     if at < 0:
         return False
     limit = (1.0 / (depth + slack) - row[OFFSET]) / row[STEP]
+    farther = 0
     for k in range(4):
         code = load_texel(codes, at + (k & 1) + (k >> 1) * int(row[1]))
-        if code >= limit or (code == 0 and row[INVALID] > 0.0):
-            return False
-    return True
+        farther += code < limit and not (code == 0 and row[INVALID] > 0.0)
+    return farther >= texels
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
