@@ -35,12 +35,12 @@ class Settings:
     backdrop: str = "standing"  # shown of the model behind a pixel: the nearest that stands, or the paper's "farthest"
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
     # Time constant in seconds of following the views' exposure and white balance, whose differences are removed; 0:
-    # they stay. Real capture gains 0.1 to 0.6 dB PSNR-Y (bench --peers), a twin with differences of 15 % 5 dB (bench
-    # --exposure), equal views lose nothing; costs 3 to 6 ms a frame of the back end, whatever the pictures' size.
+    # they stay. A twin with differences of 15 % gains 1 to 6 dB PSNR-Y (bench --exposure museum), equal views lose
+    # nothing; the back end spends a few milliseconds a frame on it, whatever the pictures' size.
     exposure_s: float = 0.5
     blend: int = 3  # how many of the rendered views may contribute to a pixel's colour
-    antialias: bool = False  # silhouettes from four samples a pixel
-    cubic: bool = False  # cubic instead of bilinear interpolation of the views' colours
+    antialias: bool = False  # silhouettes from four samples a pixel; more than half a picture's time again
+    cubic: bool = False  # cubic instead of bilinear interpolation where colours are rough; a fifth more shading time
     jpeg_quality: int = 90
 
     def __post_init__(self) -> None:

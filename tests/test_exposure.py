@@ -239,7 +239,7 @@ def test_the_background_follows_the_light():
     dark = np.tile(np.diag([0.6, 0.6, 0.6, 1.0]), (2, 1, 1))
     frames = [frame(0, cameras, 0.0), frame(1, cameras, 1.2), frame(2, cameras, 1.2)]
     frames += [misexposed(frame(k, cameras, 0.0), dark) for k in range(3, 63)]
-    engine = Engine(cameras, Settings(fill=False, n_update=2, baseline_m=1.0))
+    engine = Engine(cameras, Settings(fill="none", n_update=2, baseline_m=1.0))
     for one in frames:
         engine.update(one, {"v": viewer})
     picture = engine.render_camera(viewer, "v")

@@ -198,7 +198,7 @@ def test_the_engine_shows_what_the_setting_says():
     now[2] = wall_with_window(cameras[2], post=True)
     wall, depths = wall_with_window(eye, post=True).texture.y == NEAR_Y, {}
     for backdrop in ("farthest", "standing"):
-        engine = Engine(cameras, Settings(n_init=5, n_render=1, baseline_m=0.5, backdrop=backdrop, fill=False))
+        engine = Engine(cameras, Settings(n_init=5, n_render=1, baseline_m=0.5, backdrop=backdrop, fill="none"))
         engine.update(first)
         engine.update(Frame(1, tuple(now)), {"me": eye})
         picture = engine.render_camera(eye, "me")
