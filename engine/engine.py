@@ -24,6 +24,7 @@ from .pbi import enlarged, imaginary_camera
 from .scene import Scene
 from .selection import select_views, view_shares
 from .settings import Settings
+from .settling import Settler
 from .stages import timed
 from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
 from .threads import set_thread_count, thread_count
@@ -80,6 +81,7 @@ class Engine:
         self._front: _FrontBuffer | None = None
         self._canvases: dict[tuple[int, int], list[Canvas]] = {}
         self._canvas_lock = threading.Lock()
+        self._settler = Settler()
         self._second_eye = ThreadPoolExecutor(_STEREO_VIEWERS, "farside-second-eye")
 
     @property
@@ -283,6 +285,10 @@ class Engine:
                 if fills and report.holes_backdrop > 0:
                     rise = self._rise(camera, [front.views[k] for k in chosen], report.holes_backdrop)
                     fill(canvas.disparity, canvas.planes, rise, structured=self.settings.fill == "structure")
+                    if viewer is not None and self.settings.settles:
+                        # Both eyes of a viewer have their own picture.
+                        of = f"{viewer} {camera.name}"
+                        self._settler.settle(of, camera, front.scene.depths[0], canvas.disparity, canvas.planes)
                     report.holes_filled = 0.0
                 texture = canvas.texture()
             return RenderedPicture(camera, texture, canvas.disparity.copy(), canvas.winner.copy(), report)
