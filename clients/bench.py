@@ -71,6 +71,9 @@ def command(
     exposure: Annotated[
         str | None, typer.Option(metavar="NAME", help="A twin whose views have random exposures and white balances.")
     ] = None,
+    minified: Annotated[
+        str | None, typer.Option(metavar="NAME", help="A twin in pictures coarser than its views, prefiltered or not.")
+    ] = None,
     scale: Annotated[float, typer.Option(help="Size of a twin's pictures.")] = 0.25,
     frames: Annotated[
         int | None, typer.Option(help="Frames to play, at most (--accuracy, --fill 16, --flicker 60, else 100).", min=1)
@@ -82,11 +85,11 @@ def command(
     ] = None,
 ) -> None:
     """Measure speed and quality."""
-    wishes = (peers, ghosts, noise, model, pairs, sparse, backdrop, exposure, fill, flicker)
+    wishes = (peers, ghosts, noise, model, pairs, sparse, backdrop, exposure, minified, fill, flicker)
     if not accuracy and all(chosen is None for chosen in wishes):
         raise ValueError(
             "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model, --sparse, --fill or --flicker "
-            "SEQ, or --ghosts, --noise, --pairs, --backdrop or --exposure NAME"
+            "SEQ, or --ghosts, --noise, --pairs, --backdrop, --exposure or --minified NAME"
         )
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
@@ -101,6 +104,10 @@ def command(
         from .benchmarks.exposure import show_exposure
 
         show_exposure(exposure, scale, quality)
+    if minified is not None:
+        from .benchmarks.minified import show_minified
+
+        show_minified(minified, scale, quality, _few(views))
     if peers is not None:
         from .benchmarks.peers import show_peers
 

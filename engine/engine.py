@@ -28,7 +28,7 @@ from .settling import Settler
 from .stages import timed
 from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
 from .threads import set_thread_count, thread_count
-from .warping import Canvas, PreparedView, Target, ViewTable
+from .warping import Canvas, PreparedView, Target, ViewTable, pixels_per_radian
 
 __all__ = ["BackEndReport", "Engine", "Viewer"]
 
@@ -145,6 +145,9 @@ class Engine:
                 for k in chosen[:ready]:
                     for part in views[k].parts:
                         views[k].mesh(part)
+                if self.settings.prefilter:  # otherwise the first picture would make them
+                    resolution = pixels_per_radian(self._target(viewer, scene))
+                    ViewTable([views[k] for k in chosen], drawn=len(chosen)).at(resolution)
         self._front = _FrontBuffer(frame, scene, views, present, tones, backdrops)
         return BackEndReport(frame.index, stages, report)
 
@@ -276,7 +279,7 @@ class Engine:
                 if views:
                     every = [*chosen, -1, *range(len(front.views))][: len(views)]
                     table = ViewTable(views, None if tones is None else tones[every], drawn=len(chosen))
-                    canvas.shade(target, table, len(chosen), self.settings.blend, cubic=self.settings.cubic)
+                    self._shade(canvas, target, table, len(chosen))
             with timed(report.stages, "antialias"):
                 if self.settings.antialias and views:
                     self._smooth_silhouettes(canvas, camera, front, chosen, backdrop, table)
@@ -325,8 +328,12 @@ class Engine:
                     backdrop, front.present, chosen, target, near, self._push(),
                     holes_only=not self.settings.overdraw,
                 )  # fmt: skip
-            fine.shade(target, table, len(chosen), self.settings.blend, cubic=self.settings.cubic)
+            self._shade(fine, target, table, len(chosen))
             canvas.average(fine)
+
+    def _shade(self, canvas: Canvas, target: Target, table: ViewTable, n_views: int) -> None:
+        s = self.settings
+        canvas.shade(target, table, n_views, s.blend, cubic=s.cubic, prefilter=s.prefilter)
 
     def _rise(self, camera: Camera, views: Sequence[PreparedView], holes: float) -> float:
         """What `fill` needs to tell what is hidden; holes that the views have themselves are hidden by nothing."""

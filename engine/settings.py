@@ -42,6 +42,10 @@ class Settings:
     blend: int = 3  # how many of the rendered views may contribute to a pixel's colour
     antialias: bool = False  # silhouettes from four samples a pixel; more than half a picture's time again
     cubic: bool = False  # cubic instead of bilinear interpolation where colours are rough; a fifth more shading time
+    # Views with 1.74 pixels or more to one of the picture's lend it colours averaged first, surface by surface.
+    # At 2 a pixel two twins gain 2.5 to 4 dB PSNR-Y (fast: 1.6) and one none, but 0.02 SSIM; at 4 a pixel all gain 1.5
+    # to 6 dB (bench --minified). Costs a view 2 to 3 ms of one core a megapixel; finer pictures nothing.
+    prefilter: bool = True
     jpeg_quality: int = 90
 
     def __post_init__(self) -> None:

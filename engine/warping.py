@@ -19,6 +19,7 @@ from .kernels import antialias, composite, rasterise, shade
 from .kernels import fill as fill_kernels
 from .kernels.tone import IDENTITY
 from .mesh import Mesh
+from .minification import Level, halved, level_for
 from .triangulation import TriangulationOptions, depth_cuts, triangulate
 
 __all__ = ["Canvas", "PreparedView", "Target", "ViewTable", "pixels_per_radian"]
@@ -51,6 +52,7 @@ class PreparedView:
     origin: npt.NDArray[np.float64]
     completes: bool = False
     _meshes: dict[Part, Mesh] = field(default_factory=dict)
+    _levels: list[Level] = field(default_factory=list)
     _lock: threading.RLock = field(default_factory=threading.RLock)
     _completed: Completed | None = None
 
@@ -93,14 +95,18 @@ class PreparedView:
     @cached_property
     def table_row(self) -> npt.NDArray[np.float64]:  # [TABLE_SIZE]
         """The view as `kernels.shade` reads it."""
-        camera, row = self.view.camera, np.zeros(shade.TABLE_SIZE)
+        return self._table_row(self.view.camera)
+
+    def _table_row(self, camera: Camera) -> npt.NDArray[np.float64]:
+        row = np.zeros(shade.TABLE_SIZE)
         row[: shade.OFFSET] = camera.packed(self.origin)
         coding = camera.depth
         row[shade.OFFSET], row[shade.STEP] = coding.offset, coding.step
         row[shade.INVALID] = coding.has_invalid
         row[shade.EDGE] = max(self.options.edge / coding.step, 1.0)
         row[shade.TOLERANCE] = row[shade.EDGE] + 1.0  # a step within which a surface is not cut is no disagreement
-        row[shade.SHARPNESS] = pixels_per_radian(camera)
+        row[shade.SHARPNESS] = pixels_per_radian(self.view.camera)  # whatever its size now: no view is worth less
+        row[shade.SUBSAMPLED] = 1.0
         row[shade.PIXEL] = 1.0 / pixels_per_radian(camera)
         if isinstance(camera.projection, Equirectangular):
             row[shade.COLUMNS], row[shade.ROWS] = 1.0 / row[4], 1.0 / row[6]
@@ -115,6 +121,21 @@ class PreparedView:
         if not all(plane.flags.c_contiguous and plane.dtype == np.uint16 for plane in planes):
             raise ValueError(f"view {self.view.camera.name}: planes: expected C-contiguous uint16")
         return np.array([plane.ctypes.data for plane in planes], np.int64)
+
+    def level(self, wanted: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+        """The view halved `wanted` times or, where its sizes do not allow that, as often as they do: what
+        `kernels.shade` reads, [TABLE_SIZE] and addresses [5]."""
+        with self._lock:
+            if not self._levels:
+                texture, codes = self.view.texture, self.completed.codes
+                self._levels.append(Level(self.view.camera, codes, texture.y, texture.cb, texture.cr, self.cuts))
+            while len(self._levels) <= wanted and (smaller := halved(self._levels[-1], self.options)):
+                self._levels.append(smaller)
+            level = self._levels[min(wanted, len(self._levels) - 1)]
+        row = self._table_row(level.camera)
+        row[shade.SUBSAMPLED] = level.subsampled
+        arrays = (level.codes, level.y, level.cb, level.cr, level.cuts)
+        return row, np.array([array.ctypes.data for array in arrays], np.int64)
 
     @cached_property
     def cuts(self) -> npt.NDArray[np.uint8]:  # [h, w]
@@ -140,6 +161,19 @@ class ViewTable:
         planes = [view.addresses(measured=k >= drawn) for k, view in enumerate(views)]
         cuts = [view.cuts.ctypes.data if k < drawn else 0 for k, view in enumerate(views)]
         self.addresses = np.column_stack([planes, np.array(cuts, np.int64)])
+        self._drawn = drawn
+
+    def at(self, resolution: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+        """Rows and addresses with the drawn views at the size nearest to a picture's with so many pixels a radian."""
+        wanted = [level_for(row[shade.SHARPNESS] / resolution) for row in self.rows[: self._drawn]]
+        if not any(wanted):
+            return self.rows, self.addresses
+        rows, addresses = self.rows.copy(), self.addresses.copy()
+        for k, number in enumerate(wanted):
+            if number > 0:
+                row, addresses[k] = self.views[k].level(number)
+                rows[k, : shade.TONE] = row[: shade.TONE]
+        return rows, addresses
 
 
 class _Kernels(NamedTuple):
@@ -293,16 +327,23 @@ class Canvas:
         room: npt.NDArray[Any] = getattr(self, name)[:size]
         return room
 
-    def shade(self, target: Target, views: ViewTable, n_views: int, blend: int, *, cubic: bool = False) -> None:
-        """Colour what was drawn; views after the first n_views are backdrops."""
+    def shade(
+        self, target: Target, views: ViewTable, n_views: int, blend: int, *, cubic: bool = False,
+        prefilter: bool = False,
+    ) -> None:  # fmt: skip
+        """Colour what was drawn; views after the first n_views are backdrops.
+
+        With `prefilter` colours come from views reduced to about the picture's own resolution (see `minification`).
+        """
         if self._marks is not None:
             antialias.keep_marked(self._marks, self.disparity)
-        table = views.rows.copy()
+        rows, addresses = views.at(1.0 / target.radians_a_pixel) if prefilter else (views.rows, views.addresses)
+        table = rows.copy()
         table[:, shade.SHARPNESS] *= target.radians_a_pixel
         shade.shade(
-            self.disparity, self.winner, target.packed, table, views.addresses, n_views, blend, cubic,
-            *self.planes
-        )
+            self.disparity, self.winner, target.packed, views.rows, views.addresses, table, addresses,
+            n_views, blend, cubic, *self.planes,
+        )  # fmt: skip
 
     def texture(self) -> Texture:
         """The picture as a new 10-bit 4:2:0 texture."""

@@ -8,7 +8,7 @@ same direction (unstructured lumigraph, Buehler et al. 2001: angle), that resolv
 
 A view table is float64 [n, TABLE_SIZE] (packed camera, then the fields below) beside int64 [n, 5], the addresses
 of its C-contiguous arrays: codes, y, cb, cr (uint16) and, for views that are drawn, where their surface is cut (uint8,
-the flags of `kernels.triangulate`). The caller keeps the arrays alive.
+the flags of `kernels.triangulate`). Chroma is 4:2:0 or of the size of the luma. The caller keeps the arrays alive.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ __all__ = [
     "ROWS",
     "SHARPNESS",
     "STEP",
+    "SUBSAMPLED",
     "TABLE_SIZE",
     "TOLERANCE",
     "TONE",
@@ -53,7 +54,8 @@ SHARPNESS = CAMERA_SIZE + 5  # pixels a radian, relative to the target's
 COLUMNS = CAMERA_SIZE + 6  # columns a radian (equirectangular)
 ROWS = CAMERA_SIZE + 7
 PIXEL = CAMERA_SIZE + 8  # radians a pixel
-TONE = CAMERA_SIZE + 9  # a packed tone: what is done to the view's colours
+SUBSAMPLED = CAMERA_SIZE + 9  # 1 where chroma is 4:2:0, 0 where it has the size of the luma
+TONE = CAMERA_SIZE + 10  # a packed tone: what is done to the view's colours
 TABLE_SIZE = TONE + TONE_SIZE
 
 OUTSIDE = -1e300  # stands for the depth code of a point that a view has no pixel for
@@ -245,10 +247,10 @@ def _is_whole(cuts: int, at: int, width: int) -> bool:
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _chroma_index(u: float, v: float, width: int, height: int) -> int:
-    """The chroma sample whose 2x2 pixels hold (u, v): replicated up, as the reference renderers do."""
+def _chroma_index(u: float, v: float, width: int, height: int, subsampled: int) -> int:
+    """The chroma sample whose pixels (2x2 or one) hold (u, v): replicated up, as the reference renderers do."""
     x, y = min(max(int(u), 0), width - 1), min(max(int(v), 0), height - 1)
-    return (y // 2) * ((width + 1) // 2) + x // 2
+    return (y >> subsampled) * ((width + subsampled) >> subsampled) + (x >> subsampled)
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -307,7 +309,7 @@ def _fetch(
         v = iy + 0.5 + wc + wd
     y_ = addresses[k, 1]
     luma = wa * load_texel(y_, a) + wb * load_texel(y_, b) + wc * load_texel(y_, c) + wd * load_texel(y_, d)
-    at = _chroma_index(u, v, width, height)
+    at = _chroma_index(u, v, width, height, int(table[k, SUBSAMPLED]))
     return luma, float(load_texel(addresses[k, 2], at)), float(load_texel(addresses[k, 3], at)), min(share, 1.0)
 
 
@@ -318,7 +320,9 @@ def _gather_row(
     """Add view k to the row's sums [4, w] (weight, y, cb, cr) where it agrees; returns the pixels thus finished."""
     finished = 0
     us, vs, codes, weight, ys, bs, rs = images[0], images[1], images[2], sums[0], sums[1], sums[2], sums[3]
-    width, height, half = int(table[k, 1]), int(table[k, 2]), (int(table[k, 1]) + 1) // 2
+    width, height, subsampled = int(table[k, 1]), int(table[k, 2]), int(table[k, SUBSAMPLED])
+    half, pitch = (width + subsampled) >> subsampled, 0.5 if subsampled else 1.0  # of the chroma
+    shift = 0.5 * pitch - 0.5
     tolerance = table[k, TOLERANCE]
     depth, luma, chroma_b, chroma_r = addresses[k, 0], addresses[k, 1], addresses[k, 2], addresses[k, 3]
     cuts, clean, mixed = addresses[k, 4], weights[0], weights[1]
@@ -350,7 +354,7 @@ def _gather_row(
             rough = max(max(ya, yb), max(yc, yd)) - min(min(ya, yb), min(yc, yd)) > _SMOOTH
             if rough & (x0 >= 3) & (y0 >= 3) & (x0 < last_x) & (y0 < last_y):
                 y = _sum_4x4(luma, width, at, _cubic_shares(fx), _cubic_shares(fy))
-                cu, cv = 0.5 * u - 0.25, 0.5 * v - 0.25
+                cu, cv = pitch * u + shift, pitch * v + shift
                 i, j = int(cu), int(cv)
                 cu, cv, middle = cu - i, cv - j, j * half + i
                 across, down = _cubic_shares(cu), _cubic_shares(cv)
@@ -358,7 +362,7 @@ def _gather_row(
                 r = _sum_4x4(chroma_r, half, middle, across, down)
             else:
                 top, bottom = ya + fx * (yb - ya), yc + fx * (yd - yc)
-                middle = (int(v + 0.5) >> 1) * half + (int(u + 0.5) >> 1)
+                middle = (int(v + 0.5) >> subsampled) * half + (int(u + 0.5) >> subsampled)
                 y = top + fy * (bottom - top)
                 b, r = float(load_texel(chroma_b, middle)), float(load_texel(chroma_r, middle))
         else:
@@ -403,10 +407,14 @@ def _finish_row(
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def shade(
-    disparity: F32, winner: U8, camera: F64, table: F64, addresses: I64, n_views: int, blend: int, cubic: bool,
+    disparity: F32, winner: U8, camera: F64, full: F64, full_addresses: I64, table: F64, addresses: I64,
+    n_views: int, blend: int, cubic: bool,
     luma: F32, chroma_b: F32, chroma_r: F32,
 ) -> None:  # fmt: skip
     """Fill luma, chroma_b and chroma_r [h, w] where disparity > 0.
+
+    `full` and `table` are the same views, at their full size and at that which suits the picture; where the latter has
+    no texel of a surface, the former is asked.
 
     Rows 0..n_views-1 of the table are the warped views in order of worth; further rows are backdrops, which
     colour only the pixels that they won. At most `blend` agreeing views contribute to a pixel; with `cubic` they are
@@ -434,5 +442,5 @@ def shade(
                     _weigh_row(table, k, camera, points, images, weights)
                 open_pixels -= _gather_row(table, addresses, k, blend, cubic, images, weights, taken, sums)
             _finish_row(
-                table, addresses, disparity[y], winner[y], points, sums, luma[y], chroma_b[y], chroma_r[y]
+                full, full_addresses, disparity[y], winner[y], points, sums, luma[y], chroma_b[y], chroma_r[y]
             )

@@ -1,0 +1,85 @@
+"""Minification: a view at half its size, each texel of it the mean over one surface.
+
+Of every 2x2 texels those are averaged that hang together with the nearest of them, no cut of the surface between: what
+is in front keeps its width and its colour, what is behind keeps the texels that are its own. A mask says which they
+are, a bit each: 1 and 2 the upper two, 4 and 8 the lower two.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from .triangulate import CUT_DOWN, CUT_RIGHT
+
+__all__ = ["ALL", "halve_codes", "halve_plane"]
+
+ALL = 15  # the mask of four texels of one surface
+
+U8 = npt.NDArray[np.uint8]
+U16 = npt.NDArray[np.uint16]
+
+
+@numba.njit(cache=True, nogil=True)
+def _connected(mask: int, top: int, bottom: int, left: int, right: int) -> int:
+    """The texels that hang together with those of a mask; top, bottom, left and right: whether the sides of the
+    square they stand on are cut."""
+    for _ in range(2):  # the farthest is two sides away
+        mask |= 0 if top else ((mask & 1) << 1) | ((mask & 2) >> 1)
+        mask |= 0 if bottom else ((mask & 4) << 1) | ((mask & 8) >> 1)
+        mask |= 0 if left else ((mask & 1) << 2) | ((mask & 4) >> 2)
+        mask |= 0 if right else ((mask & 2) << 2) | ((mask & 8) >> 2)
+    return mask
+
+
+@numba.njit(cache=True, nogil=True)
+def _of_nearest(codes: U16, cuts: U8, y: int, x: int) -> int:
+    """The mask of what hangs together with the nearest of the 2x2 texels at (y, x)."""
+    a, b, c, d = codes[y, x], codes[y, x + 1], codes[y + 1, x], codes[y + 1, x + 1]
+    nearest = max(max(a, b), max(c, d))
+    first = 1 if a == nearest else 2 if b == nearest else 4 if c == nearest else 8
+    top, bottom = cuts[y, x] & CUT_RIGHT, cuts[y + 1, x] & CUT_RIGHT
+    left, right = cuts[y, x] & CUT_DOWN, cuts[y, x + 1] & CUT_DOWN
+    return _connected(first, top, bottom, left, right)
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _mean(a: int, b: int, c: int, d: int, mask: int) -> int:
+    i, j, k, m = mask & 1, (mask >> 1) & 1, (mask >> 2) & 1, mask >> 3
+    count = i + j + k + m
+    return (i * a + j * b + k * c + m * d + (count >> 1)) // count
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def halve_plane(plane: U16, masks: U8, out: U16) -> None:
+    """Fill out [h, w] with the means of a plane's [2 h, 2 w] samples that the masks [h, w] name."""
+    h, w = out.shape
+    for row in numba.prange(h):
+        y = 2 * int(np.int64(row))
+        for x in range(w):  # vectorises; what is not of one surface is put right after it
+            a, b = np.int32(plane[y, 2 * x]), np.int32(plane[y, 2 * x + 1])
+            c, d = np.int32(plane[y + 1, 2 * x]), np.int32(plane[y + 1, 2 * x + 1])
+            out[row, x] = (a + b + c + d + np.int32(2)) >> np.int32(2)
+        for x in range(w):
+            if masks[row, x] != ALL:
+                out[row, x] = _mean(
+                    np.int64(plane[y, 2 * x]), np.int64(plane[y, 2 * x + 1]),
+                    np.int64(plane[y + 1, 2 * x]), np.int64(plane[y + 1, 2 * x + 1]), np.int64(masks[row, x]),
+                )  # fmt: skip
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def halve_codes(codes: U16, cuts: U8, out: U16, masks: U8) -> None:
+    """Fill out and masks [h, w] from depth codes [2 h, 2 w] and where they are cut (`triangulate.mark_broken`).
+
+    A code is the mean of the texels of the mask, disparity being linear over a plane; four without depth give none.
+    """
+    h, w = out.shape
+    for row in numba.prange(h):
+        y = 2 * int(np.int64(row))
+        for x in range(w):
+            left, right, below = cuts[y, 2 * x], cuts[y, 2 * x + 1], cuts[y + 1, 2 * x]
+            whole = ((left & (CUT_RIGHT | CUT_DOWN)) | (right & CUT_DOWN) | (below & CUT_RIGHT)) == 0
+            masks[row, x] = ALL if whole else _of_nearest(codes, cuts, y, 2 * x)
+    halve_plane(codes, masks, out)
