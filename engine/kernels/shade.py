@@ -326,7 +326,12 @@ def _gather_row(
     tolerance = table[k, TOLERANCE]
     depth, luma, chroma_b, chroma_r = addresses[k, 0], addresses[k, 1], addresses[k, 2], addresses[k, 3]
     cuts, clean, mixed = addresses[k, 4], weights[0], weights[1]
-    tone = table[k, TONE:]
+    # Read once: to the compiler, what is written to the sums might change the table.
+    tone = (
+        table[k, TONE], table[k, TONE + 1], table[k, TONE + 2], table[k, TONE + 3],
+        table[k, TONE + 4], table[k, TONE + 5], table[k, TONE + 6], table[k, TONE + 7],
+    )  # fmt: skip
+    blends = blend > 1
     # Where four by four samples of the chroma, and of the luma more so, lie inside the picture.
     last_x, last_y = (width if cubic else 0) - 7, height - 7
     for x in range(taken.shape[0]):
@@ -347,12 +352,14 @@ def _gather_row(
             top, bottom = ca + fx * (cb - ca), cc + fx * (cd - cc)
             if abs(top + fy * (bottom - top) - code) > tolerance:
                 continue
-            beside = load_byte(cuts, int(v + 0.5) * width + int(u + 0.5)) & triangulate.BROKEN
-            share = mixed[x] if beside else clean[x]
+            share = 1.0
+            if blends:
+                beside = load_byte(cuts, int(v + 0.5) * width + int(u + 0.5)) & triangulate.BROKEN
+                share = mixed[x] if beside else clean[x]
             ya, yb = load_texel(luma, at), load_texel(luma, at + 1)
             yc, yd = load_texel(luma, at + width), load_texel(luma, at + width + 1)
-            rough = max(max(ya, yb), max(yc, yd)) - min(min(ya, yb), min(yc, yd)) > _SMOOTH
-            if rough & (x0 >= 3) & (y0 >= 3) & (x0 < last_x) & (y0 < last_y):
+            inner = (x0 >= 3) & (y0 >= 3) & (x0 < last_x) & (y0 < last_y)
+            if inner and max(max(ya, yb), max(yc, yd)) - min(min(ya, yb), min(yc, yd)) > _SMOOTH:
                 y = _sum_4x4(luma, width, at, _cubic_shares(fx), _cubic_shares(fy))
                 cu, cv = pitch * u + shift, pitch * v + shift
                 i, j = int(cu), int(cv)
@@ -369,8 +376,9 @@ def _gather_row(
             y, b, r, share = _fetch(table, addresses, k, us[x], vs[x], code, False)
             if share <= 0.0:
                 continue
-            at = min(int(vs[x]), height - 1) * width + min(int(us[x]), width - 1)
-            share *= mixed[x] if load_byte(cuts, at) & triangulate.BROKEN else clean[x]
+            if blends:
+                at = min(int(vs[x]), height - 1) * width + min(int(us[x]), width - 1)
+                share *= mixed[x] if load_byte(cuts, at) & triangulate.BROKEN else clean[x]
         y, b, r = toned(tone, y, b, r)
         weight[x] += share
         ys[x] += share * y
