@@ -23,7 +23,7 @@ class Settings:
     n_update: int = 1  # views that update the P-PBS a frame (n_rv^update)
     background: bool = True  # keep and render the background model
     fill: str = "structure"  # what is left: grey (none), blurred (smooth), or near its rims continued (structure)
-    settles: bool = True  # what fills a hole stays while the head is still; about 1 ms a picture
+    settles: bool = True  # what fills a hole stays while the head is still
     tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles a pixel
     edge_px: float = 4.0  # disparity step between neighbours that is a depth edge, reprojected pixels
     completion: bool = True  # pixels without depth get one (30 ms of one core a megapixel); others cost nothing
