@@ -17,12 +17,14 @@ import numpy.typing as npt
 from . import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from .frame import View
 from .kernels import complete as kernels
+from .pyramid import empty_levels
 
 __all__ = ["Completed", "complete", "completed_codes"]
 
 # Of 255: within about two pixels of a measured one of the same colour. Anything between half and this makes no
 # difference in pictures of a real capture.
 _TRUSTED = 180
+_CELL = 2  # pixels a side of the first level's cells (see `kernels.complete`)
 
 
 class Completed(NamedTuple):
@@ -48,7 +50,7 @@ def complete(view: View, edge: float) -> Completed:
 def completed_codes(view: View, edge: float) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint8]]:
     """Codes [h, w] and their confidence [h, w], 255: measured; less with distance from measured pixels and where
     colours differ from theirs. Code 0 is taken as no depth; something must be measured."""
-    texture, levels = view.texture, _levels(*view.codes.shape)
+    texture, levels = view.texture, empty_levels(view.codes.shape, _CELL)
     kernels.first_level(view.codes, texture.y, texture.cb, texture.cr, levels[0])
     for fine, coarse in itertools.pairwise(levels):
         kernels.next_level(fine, coarse)
@@ -59,13 +61,3 @@ def completed_codes(view: View, edge: float) -> tuple[npt.NDArray[np.uint16], np
         view.codes, texture.y, texture.cb, texture.cr, levels[0], edge / view.camera.depth.step, codes, confidence
     )
     return codes, confidence
-
-
-def _levels(height: int, width: int) -> list[npt.NDArray[np.float32]]:
-    """Empty levels [rows, columns, 5], each half the size of the one before, down to a single cell."""
-    height, width = (height + 1) // 2, (width + 1) // 2
-    levels = [np.empty((height, width, 5), np.float32)]
-    while height * width > 1:
-        height, width = (height + 1) // 2, (width + 1) // 2
-        levels.append(np.empty((height, width, 5), np.float32))
-    return levels

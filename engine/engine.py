@@ -266,10 +266,7 @@ class Engine:
                 report.holes_warped = report.holes_backdrop = hole_fraction(canvas.disparity)
             with timed(report.stages, "backdrop"):
                 if backdrop is not None:
-                    report.warped += canvas.draw_backdrop(
-                        backdrop, front.present, chosen, target, near, self._push(),
-                        holes_only=not self.settings.overdraw,
-                    )  # fmt: skip
+                    report.warped += self._draw_backdrop(canvas, backdrop, front, chosen, target)
                     report.holes_backdrop = hole_fraction(canvas.disparity)
                     views += [backdrop, *front.views]
             with timed(report.stages, "shade"):
@@ -312,6 +309,15 @@ class Engine:
             warped += canvas.draw_holes("rims", views, target, near)
         return warped
 
+    def _draw_backdrop(
+        self, canvas: Canvas, backdrop: PreparedView, front: _FrontBuffer, chosen: Sequence[int], target: Target
+    ) -> int:
+        """Lay a viewer's backdrop behind the chosen views; returns the number of triangles."""
+        assert self._model is not None
+        near, push = _NEAR * front.scene.coding.near, self._model.delta  # section 3.4.2: moved backwards by delta
+        holes_only = not self.settings.overdraw
+        return canvas.draw_backdrop(backdrop, front.present, chosen, target, near, push, holes_only=holes_only)
+
     def _smooth_silhouettes(
         self, canvas: Canvas, camera: Camera, front: _FrontBuffer, chosen: Sequence[int],
         backdrop: PreparedView | None, table: ViewTable,
@@ -324,10 +330,7 @@ class Engine:
             fine.clear(canvas.silhouettes(step))
             self._draw_views(fine, [front.views[k] for k in chosen], target, near)
             if backdrop is not None:
-                fine.draw_backdrop(
-                    backdrop, front.present, chosen, target, near, self._push(),
-                    holes_only=not self.settings.overdraw,
-                )  # fmt: skip
+                self._draw_backdrop(fine, backdrop, front, chosen, target)
             self._shade(fine, target, table, len(chosen))
             canvas.average(fine)
 
@@ -339,11 +342,6 @@ class Engine:
         """What `fill` needs to tell what is hidden; holes that the views have themselves are hidden by nothing."""
         invalid = float(np.mean([prepared.invalid_share for prepared in views] or [0.0]))
         return rise_per_pixel(camera, [prepared.view.camera for prepared in views]) / max(1.0 - invalid / holes, 1e-6)
-
-    def _push(self) -> float:
-        """Metres by which the backdrop is moved backwards (section 3.4.2)."""
-        assert self._model is not None
-        return self._model.delta
 
     @contextmanager
     def _canvas(self, camera: Camera) -> Iterator[Canvas]:

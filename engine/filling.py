@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy.typing as npt
 from .camera import Camera
 from .kernels import fill as kernels
 from .kernels import structure
+from .pyramid import empty_levels
 from .warping import pixels_per_radian
 
 __all__ = ["fill", "hole_fraction", "rise_per_pixel"]
@@ -58,23 +58,13 @@ def fill(disparity: Plane, planes: tuple[Plane, Plane, Plane], rise: float, *, s
 
 def _smooth_level(disparity: Plane, planes: tuple[Plane, Plane, Plane]) -> Plane:
     """The finest level of the pyramid, complete."""
-    levels = _levels(*disparity.shape)
+    levels = empty_levels(disparity.shape, kernels.CELL)
     kernels.first_level(disparity, *planes, levels[0])
     for fine, coarse in itertools.pairwise(levels):
         (kernels.next_level if fine.size > _FEW else kernels.next_level_serially)(fine, coarse)
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
         (kernels.refine_level if fine.size > _FEW else kernels.refine_level_serially)(coarse, fine)
     return levels[0]
-
-
-def _levels(height: int, width: int) -> list[Plane]:
-    """Empty levels [rows, columns, 5], each half the size of the one before, down to a single cell."""
-    height, width = math.ceil(height / kernels.CELL), math.ceil(width / kernels.CELL)
-    levels = [np.empty((height, width, 5), np.float32)]
-    while height * width > 1:
-        height, width = (height + 1) // 2, (width + 1) // 2
-        levels.append(np.empty((height, width, 5), np.float32))
-    return levels
 
 
 def _holes_by_row(disparity: Plane) -> npt.NDArray[np.int64]:  # [h]

@@ -95,12 +95,6 @@ class ProbableBackgroundSurface:
         yield from self.static.values()
         yield from self.progressive.values()
 
-    def surfaces_of(self, camera: int) -> Iterator[Surface]:
-        """The surfaces that stem from a camera."""
-        for part in (self.static, self.progressive):
-            if camera in part:
-                yield part[camera]
-
     def _put(self, geometry: int, camera: int, mesh: Mesh, *, fast_build: bool) -> Surface:
         count = len(mesh.triangles)
         mesh = Mesh(

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import types
 from numba.extending import intrinsic
 
 from . import triangulate
@@ -71,28 +71,27 @@ U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
 
 
-@intrinsic
-def load_texel(typingctx: Any, address: Any, index: Any) -> Any:
-    """The uint16 at address + 2 * index: pictures of different views are reached through one table."""
+def _element_of(bits: int) -> Any:
+    """An intrinsic's signature and code: the unsigned element of so many bits at (address, index)."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        pointer = builder.inttoptr(args[0], cgutils.ir.IntType(16).as_pointer())
+        pointer = builder.inttoptr(args[0], ir.IntType(bits).as_pointer())
         value = builder.load(builder.gep(pointer, [args[1]]))
         return builder.zext(value, ir.IntType(64))
 
     return types.int64(types.int64, types.int64), codegen
+
+
+@intrinsic
+def load_texel(typingctx: Any, address: Any, index: Any) -> Any:
+    """The uint16 at address + 2 * index: pictures of different views are reached through one table."""
+    return _element_of(16)
 
 
 @intrinsic
 def load_byte(typingctx: Any, address: Any, index: Any) -> Any:
     """The uint8 at address + index."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        pointer = builder.inttoptr(args[0], cgutils.ir.IntType(8).as_pointer())
-        value = builder.load(builder.gep(pointer, [args[1]]))
-        return builder.zext(value, ir.IntType(64))
-
-    return types.int64(types.int64, types.int64), codegen
+    return _element_of(8)
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
@@ -426,7 +425,7 @@ def shade(
 
     Rows 0..n_views-1 of the table are the warped views in order of worth; further rows are backdrops, which
     colour only the pixels that they won. At most `blend` agreeing views contribute to a pixel; with `cubic` they are
-    interpolated by cubic convolution where a surface is smooth.
+    interpolated by cubic convolution where a surface is whole and its colours are rough.
     """
     h, w = disparity.shape
     chunks = min(h, _CHUNKS)
