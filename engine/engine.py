@@ -21,6 +21,7 @@ from .exposure import Exposure, to_common, to_picture
 from .filling import fill, hole_fraction, rise_per_pixel
 from .frame import Frame
 from .pbi import enlarged, imaginary_camera
+from .prepared import PreparedView, ViewTable, pixels_per_radian
 from .scene import Scene
 from .selection import select_views, view_shares
 from .settings import Settings
@@ -28,7 +29,7 @@ from .settling import Settler
 from .stages import timed
 from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
 from .threads import set_thread_count, thread_count
-from .warping import Canvas, PreparedView, Target, ViewTable, pixels_per_radian
+from .warping import Canvas, Target
 
 __all__ = ["BackEndReport", "Engine", "Viewer"]
 

@@ -28,8 +28,8 @@ import numpy.typing as npt
 from .camera import Camera
 from .kernels.exposure import gather_samples, weigh_samples
 from .kernels.tone import TONE_SIZE
+from .prepared import ViewTable
 from .selection import select_views
-from .warping import ViewTable
 
 __all__ = ["Exposure", "packed", "to_common", "to_picture"]
 

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from .camera import Camera
 from .kernels import fill as kernels
 from .kernels import structure
+from .prepared import pixels_per_radian
 from .pyramid import empty_levels
-from .warping import pixels_per_radian
 
 __all__ = ["fill", "hole_fraction", "rise_per_pixel"]
 

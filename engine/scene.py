@@ -11,9 +11,9 @@ import numpy.typing as npt
 from .camera import Camera
 from .depth import DepthCoding
 from .frame import Frame
+from .prepared import pixels_per_radian
 from .settings import Settings
 from .triangulation import TriangulationOptions
-from .warping import pixels_per_radian
 
 __all__ = ["Scene"]
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
-from .warping import pixels_per_radian
+from .prepared import pixels_per_radian
 
 __all__ = ["Settler"]
 

@@ -15,11 +15,11 @@ from farside.engine.frame import Frame, Texture
 from farside.engine.kernels.exposure import gather_samples, weigh_samples
 from farside.engine.kernels.shade import EDGE, TOLERANCE
 from farside.engine.metrics import psnr
+from farside.engine.prepared import PreparedView, ViewTable
 from farside.engine.scene import Scene
 from farside.engine.selection import view_shares
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin, twin_frame
-from farside.engine.warping import PreparedView, ViewTable
 from oracle.exposure import common_samples, normal_equations
 from rooms import WALL_Y, camera_row, frame
 

@@ -12,8 +12,9 @@ from farside.engine.depth import DepthCoding
 from farside.engine.frame import Texture, View
 from farside.engine.kernels import minify
 from farside.engine.minification import MOST_LEVELS, Level, halved, level_for
+from farside.engine.prepared import PreparedView, ViewTable
 from farside.engine.triangulation import TriangulationOptions, depth_cuts
-from farside.engine.warping import Canvas, PreparedView, Target, ViewTable
+from farside.engine.warping import Canvas, Target
 from oracle.minify import halve
 
 ORIGIN = np.zeros(3)

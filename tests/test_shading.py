@@ -10,8 +10,9 @@ import pytest
 from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.depth import DepthCoding
 from farside.engine.frame import Texture, View
+from farside.engine.prepared import PreparedView, ViewTable
 from farside.engine.triangulation import TriangulationOptions
-from farside.engine.warping import Canvas, PreparedView, Target, ViewTable
+from farside.engine.warping import Canvas, Target
 
 ORIGIN = np.zeros(3)
 CODING = DepthCoding(0.5, 20.0, 16, has_invalid=True)

@@ -15,10 +15,10 @@ from farside.engine.frame import Frame, View
 from farside.engine.kernels.shade import EDGE
 from farside.engine.kernels.sight import looks_through, shows
 from farside.engine.kernels.standing import standing_hit
+from farside.engine.prepared import PreparedView, ViewTable
 from farside.engine.scene import Scene
 from farside.engine.settings import Settings
 from farside.engine.triangulation import TriangulationOptions
-from farside.engine.warping import PreparedView, ViewTable
 from oracle import standing as slow
 from rooms import CODING, camera_row, texture_of
 

@@ -12,8 +12,9 @@ from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.depth import DepthCoding
 from farside.engine.frame import View
 from farside.engine.mesh import Mesh
+from farside.engine.prepared import PreparedView, pixels_per_radian
 from farside.engine.triangulation import TriangulationOptions, triangulate
-from farside.engine.warping import Canvas, PreparedView, Target, pixels_per_radian
+from farside.engine.warping import Canvas, Target
 from oracle.zbuffer import zbuffer
 from rooms import texture_of
 

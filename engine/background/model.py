@@ -19,11 +19,11 @@ from ..kernels.project import CAMERA_SIZE
 from ..kernels.tone import IDENTITY
 from ..mesh import Mesh
 from ..pbi import BackgroundImage
+from ..prepared import ViewTable
 from ..scene import Scene
 from ..settings import Settings
 from ..stages import timed
 from ..triangulation import triangulate
-from ..warping import ViewTable
 from .coverage import choose_views, farther_pixels
 from .culling import clear_marks, cull_unmarked, mark_background, mark_missed
 from .maximum_depth import MaximumDepthImage, coding_row

@@ -17,12 +17,12 @@ from ..camera import Camera
 from ..engine import Engine
 from ..frame import Frame, View
 from ..metrics import iv_psnr, psnr
+from ..prepared import PreparedView, ViewTable
 from ..scene import Scene
 from ..settings import BACKDROPS, Settings
 from ..stereo import RenderedPicture
 from ..synth import FPS, Twin, twin_frame
 from ..threads import set_thread_count, thread_count
-from ..warping import PreparedView, ViewTable
 
 __all__ = ["VIEWS", "BackdropSample", "PbiCost", "compare_backdrops", "pbi_costs"]
 

@@ -14,11 +14,11 @@ from ..engine import Engine
 from ..frame import Frame, View
 from ..metrics import iv_psnr, psnr, ssim
 from ..minification import Level, halved
+from ..prepared import pixels_per_radian
 from ..scene import Scene
 from ..settings import Settings
 from ..synth import make_twin, render_view, twin_frame
 from ..triangulation import depth_cuts
-from ..warping import pixels_per_radian
 
 __all__ = ["RATIOS", "MinifiedRow", "halving_cost", "measure_minified"]
 
