@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from .render import parse_size
+
 __all__ = ["command"]
 
 
@@ -64,6 +66,13 @@ def command(
     pairs: Annotated[
         str | None, typer.Option(metavar="NAME", help="Stereo pairs a second of a twin while the model is updated.")
     ] = None,
+    live: Annotated[
+        Path | None,
+        typer.Option(metavar="SEQ", help="Server, replay and headset over localhost: rates, stalls, pauses, memory."),
+    ] = None,
+    fps: Annotated[float | None, typer.Option(help="Video frames a second (--live; the sequence's).", min=0.01)] = None,
+    seconds: Annotated[float, typer.Option(help="How long the video plays (--live).", min=1.0)] = 20.0,
+    size: Annotated[str, typer.Option(help="Picture of an eye, WxH (--live).")] = "640x720",
     sparse: Annotated[
         Path | None,
         typer.Option(metavar="SEQ", help="Depth punched as by time of flight: completed, not, and whole, by truth."),
@@ -85,11 +94,11 @@ def command(
     ] = None,
 ) -> None:
     """Measure speed and quality."""
-    wishes = (peers, ghosts, noise, model, pairs, sparse, backdrop, exposure, minified, fill, flicker)
+    wishes = (peers, ghosts, noise, model, pairs, sparse, backdrop, exposure, minified, fill, flicker, live)
     if not accuracy and all(chosen is None for chosen in wishes):
         raise ValueError(
-            "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model, --sparse, --fill or --flicker "
-            "SEQ, or --ghosts, --noise, --pairs, --backdrop, --exposure or --minified NAME"
+            "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model, --live, --sparse, --fill or "
+            "--flicker SEQ, or --ghosts, --noise, --pairs, --backdrop, --exposure or --minified NAME"
         )
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
@@ -100,6 +109,10 @@ def command(
         from .benchmarks.pairs import show_pairs
 
         show_pairs(pairs, scale, quality)
+    if live is not None:
+        from .benchmarks.live import show_live
+
+        show_live(live, fps, seconds, quality, parse_size(size))
     if exposure is not None:
         from .benchmarks.exposure import show_exposure
 

@@ -83,6 +83,7 @@ class Headset:
     latencies_ms: list[float] = field(default_factory=list)
     frames: list[int] = field(default_factory=list)
     holes: list[float] = field(default_factory=list)
+    bytes_received: int = 0  # of the pictures
     stages: list[dict[str, float]] = field(default_factory=list)
     span: tuple[float, float] = (0.0, 0.0)  # when the first and the last picture came
     _writing: asyncio.Task[None] | None = None
@@ -137,6 +138,7 @@ class Headset:
         self.latencies_ms.append(1e3 * (now - picture.time))
         self.frames.append(picture.frame)
         self.holes.append(picture.holes)
+        self.bytes_received += sum(len(plane) for eye in (picture.left, picture.right) for plane in eye.planes)
         self.stages.append(dict(picture.stages))
         if self.out is not None and (self._writing is None or self._writing.done()):
             number = len(self.frames) - 1  # what comes while PNGs are written is left out

@@ -23,7 +23,7 @@ from .export_mesh import ColouredMesh
 from .frame import Frame
 from .stereo import StereoPicture, StereoView
 from .threads import set_thread_count, thread_count
-from .timing import Rate, StallMonitor, Timings
+from .timing import Activity, Longest, Rate, StallMonitor, Timings
 
 __all__ = ["Core", "HeadPose", "Live", "LiveViewer", "Source"]
 
@@ -127,8 +127,9 @@ class LiveViewer(Generic[Tag]):
             if self._wanted is None or core is None or self._congested():
                 continue  # the next pose, frame or scene wakes
             wanted, self._wanted = self._wanted, None
+            start = time.monotonic()
             data, stages = await self._live.in_front_end(self._render, core, wanted, finish)
-            self._live.rendered(stages)
+            self._live.rendered(stages, start)
             self.rendered += 1
             self.rate.count()
             await send(data)
@@ -178,8 +179,10 @@ class Live(AbstractAsyncContextManager["Live"]):
         self._arrived = asyncio.Event()
         self.source: Source | None = None
         self.shown: Core | None = None  # the core, once it has a frame to show
-        self.stalls = StallMonitor()
+        self._updates = Activity()
+        self.stalls = StallMonitor(self._updates)
         self.timings = Timings()
+        self._longest_picture, self._longest_in_update = Longest(), Longest()
         self.frames = {"updated": 0, "dropped": 0, "failed": 0}
         self.frame_rate, self.picture_rate = Rate(), Rate()
 
@@ -245,7 +248,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         core.f_vin = min(source.fps, self.frame_rate.per_second() or source.fps)
         loop = asyncio.get_running_loop()
         try:
-            with self.stalls.updating():
+            with self._updates.running():
                 stages, status = await loop.run_in_executor(
                     self._back_end, _timed_update, core, frame, viewers, speeds
                 )
@@ -284,10 +287,13 @@ class Live(AbstractAsyncContextManager["Live"]):
         """Run work in a render thread."""
         return await asyncio.get_running_loop().run_in_executor(self._front_end, work, *arguments)
 
-    def rendered(self, stages: Mapping[str, float]) -> None:
-        """Account for a stereo picture."""
+    def rendered(self, stages: Mapping[str, float], start: float) -> None:
+        """Account for a stereo picture that was asked for at a moment of the monotonic clock."""
         self.timings.add(stages, "render.")
         self.picture_rate.count()
+        took, updating = 1e3 * (time.monotonic() - start), self._updates.since(start)
+        self.timings.add({"picture_during_update" if updating else "picture": took})
+        (self._longest_in_update if updating else self._longest_picture).add(took)
 
     async def mesh(self, convert: Callable[[ColouredMesh], bytes]) -> bytes:
         """The background model, converted, in a thread of its own; ValueError before the first frame."""
@@ -302,8 +308,8 @@ class Live(AbstractAsyncContextManager["Live"]):
         """How many viewers take part."""
         return len(self._viewers)
 
-    def status(self) -> dict[str, Any]:
-        """Figures for people and monitors; times in milliseconds, rates in 1/s."""
+    def status(self, seconds: float = math.inf) -> dict[str, Any]:
+        """Figures for people and monitors; milliseconds, the longest of the last so many seconds, and rates in 1/s."""
         source = self.source
         return {
             "source": source
@@ -312,7 +318,11 @@ class Live(AbstractAsyncContextManager["Live"]):
             "rates": {"f_vin": self.frame_rate.per_second(), "f_ren": self.picture_rate.per_second()},
             "viewers": {name: viewer.status() for name, viewer in self._viewers.items()},
             "stages_ms": self.timings.summary(),
-            "event_loop": self.stalls.summary(),
+            "event_loop": self.stalls.summary(seconds),
+            "pictures": {
+                "longest_picture_ms": self._longest_picture.over(seconds),
+                "longest_picture_during_update_ms": self._longest_in_update.over(seconds),
+            },
             "engine": self._core_status,
         }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.resources import files
@@ -59,8 +60,8 @@ def _add_http(app: FastAPI) -> None:
         return FileResponse(PAGE / "index.html")
 
     @app.get("/status")
-    async def status() -> dict[str, Any]:
-        return _service(app).status()
+    async def status(seconds: float = math.inf) -> dict[str, Any]:
+        return _service(app).status(seconds)
 
     @app.get("/metrics")
     async def metrics() -> Response:

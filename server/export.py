@@ -53,5 +53,5 @@ class _Figures(Collector):
         yield stages
         yield GaugeMetricFamily("farside_viewers", "Viewers connected", value=len(status["viewers"]))
         yield GaugeMetricFamily("farside_source_connected", "1 while a source is", status["source_connected"])
-        for name, value in (status["rates"] | status["event_loop"]).items():
+        for name, value in (status["rates"] | status["event_loop"] | status["pictures"]).items():
             yield GaugeMetricFamily(f"farside_{name}", name.replace("_", " "), value=value)

@@ -6,6 +6,7 @@ import asyncio
 import dataclasses
 import hmac
 import logging
+import math
 import secrets
 import time
 from collections.abc import AsyncIterator, Coroutine
@@ -71,13 +72,13 @@ class Service:
         limit = self.settings.max_message_bytes
         await send(socket, Welcome(self.session, client, settings, CREDITS, limit))
 
-    def status(self) -> dict[str, Any]:
-        """Figures for people and monitors."""
+    def status(self, seconds: float = math.inf) -> dict[str, Any]:
+        """Figures for people and monitors; the longest stalls and pictures of the last so many seconds."""
         return {
             "session": self.session,
             "uptime_s": time.monotonic() - self.started,
             "source_connected": self.source_client is not None,
-            **self.live.status(),
+            **self.live.status(seconds),
         }
 
 

@@ -13,7 +13,7 @@ from farside.engine.back_buffer import BackBuffer, OrderError
 from farside.engine.camera import Camera, Pose
 from farside.engine.live import HeadPose, Live, LiveViewer, Source
 from farside.engine.stereo import StereoPicture, StereoView
-from farside.engine.timing import Rate, StallMonitor, Timings
+from farside.engine.timing import Activity, Longest, Rate, StallMonitor, Timings
 
 SOURCE = Source("test", 30.0, CAMERAS)
 VIEW = StereoView.symmetric(Pose(), 16, 16, 1.5)
@@ -375,21 +375,52 @@ def test_shutdown_waits_for_the_update_and_leaves_no_thread_and_no_future_behind
 
 def test_a_blocked_loop_is_noticed_and_charged_to_the_update_that_ran() -> None:
     async def scenario() -> None:
-        monitor = StallMonitor(0.001)
+        updates = Activity()
+        monitor = StallMonitor(updates, 0.001)
         task = asyncio.create_task(monitor.run())
         await asyncio.sleep(0.01)
-        with monitor.updating():
+        with updates.running():
             time.sleep(0.06)  # on the loop's thread: the fault that is to be seen
         await asyncio.sleep(0.01)
-        during_update = monitor.longest_during_update_ms
+        during_update = monitor.summary()["longest_stall_during_update_ms"]
         time.sleep(0.2)
         await asyncio.sleep(0.01)
+        summary = monitor.summary()
         assert during_update >= 55
-        assert monitor.longest_ms >= 195
-        assert monitor.longest_during_update_ms == during_update
+        assert summary["longest_stall_ms"] >= 195
+        assert summary["longest_stall_during_update_ms"] == during_update
+        assert 0.5 * 195 < summary["longest_own_stall_ms"] <= summary["longest_stall_ms"]  # it slept
+        assert 0 < summary["longest_busy_ms"] < 195
+        assert 0 < summary["loop_busy_s"] < 0.26
+        assert monitor.summary(0)["longest_stall_ms"] < 195  # none that ended now
         task.cancel()
 
     run(scenario)
+
+
+def test_the_longest_is_that_of_the_seconds_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 100.0
+    monkeypatch.setattr("farside.engine.timing.time.monotonic", lambda: now)
+    longest = Longest(keep_s=3)
+    assert longest.over() == 0
+    for now, milliseconds in ((100.0, 50.0), (101.5, 3.0), (101.9, 2.0), (103.0, 7.0)):  # noqa: B007 (it is the clock)
+        longest.add(milliseconds)
+    assert [longest.over(seconds) for seconds in (0, 1, 2, 3)] == [7, 7, 7, 50]
+    now = 104.0
+    longest.add(1.0)
+    assert longest.over() == 7  # three seconds are kept
+
+
+def test_something_runs_until_its_last_part_has_ended() -> None:
+    activity = Activity()
+    before = time.monotonic()
+    assert not activity.since(before)
+    with activity.running():
+        with activity.running():
+            pass
+        assert activity.since(time.monotonic() + 1)
+    assert activity.since(before)
+    assert not activity.since(time.monotonic() + 1)
 
 
 def test_status_tells_rates_stages_and_counts() -> None:
@@ -416,6 +447,7 @@ def test_status_tells_rates_stages_and_counts() -> None:
                 status["stages_ms"]
             )
             assert status["engine"] == {"frame_index": 2}
+            assert 0 < status["stages_ms"]["picture"]["p50"] <= status["pictures"]["longest_picture_ms"]
 
     run(scenario)
 

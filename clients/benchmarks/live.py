@@ -1,0 +1,231 @@
+"""`farside bench --live`: server, replay and headset over localhost, each a process, and what they come to."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from farside.engine.tmiv import open_sequence
+from farside.server.protocol import ViewerHello
+from rich.console import Console
+from rich.table import Table
+
+from ..connection import persist
+from ..headset import Headset
+
+__all__ = ["LiveFigures", "measure_live", "show_live"]
+
+_HANG_S = 600.0  # the first run compiles every kernel
+_WARM_UPDATES = 4  # with a viewer: what the first ones do is done once
+_POSE_RATE = 72.0
+_STALLS = {
+    "stall": "longest event-loop stall",
+    "own_stall": "without waiting for a core",
+    "busy": "most work of the loop at once",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """What a process has used: seconds of a core, and megabytes resident, now and at most."""
+
+    cpu_s: float
+    resident_mb: float
+    peak_mb: float
+
+    @classmethod
+    def of(cls, pid: int) -> Usage:
+        """As Linux tells."""
+        process = Path("/proc") / str(pid)
+        times = (process / "stat").read_text().rpartition(")")[2].split()[11:13]
+        memory = dict(re.findall(r"(Vm\w+):\s+(\d+) kB", (process / "status").read_text()))
+        cpu = sum(map(int, times)) / os.sysconf("SC_CLK_TCK")
+        return cls(cpu, int(memory["VmRSS"]) / 1024, int(memory["VmHWM"]) / 1024)
+
+
+@dataclass(frozen=True, slots=True)
+class LiveFigures:
+    """What a part of a run came to; times in milliseconds; a core: a second of it a second."""
+
+    seconds: float
+    pairs: int
+    frames: dict[str, int]  # by outcome
+    motion_to_photon: tuple[float, float, float]  # pose sent to picture received: p50, p95, p99
+    picture_bytes: float  # of a pair
+    cores: tuple[float, float, float]  # of the server, of its event loop, of the replay
+    server: Usage
+    status: dict[str, Any]  # the server's, at the end; the longest stalls and pictures of this part only
+
+    @property
+    def rate(self) -> float:
+        """Stereo pairs a second."""
+        return self.pairs / self.seconds
+
+
+def show_live(folder: Path, fps: float | None, seconds: float, quality: str, size: tuple[int, int]) -> None:
+    """Print how a sequence plays live, with its video and then without."""
+    sequence = open_sequence(folder)
+    views = [sequence.camera(name) for name in sequence.source_names]
+    frame_bytes = sum(5 * view.width * view.height for view in views)  # 4:2:0 in 2 B a sample, and depth
+    playing, still = measure_live(folder, fps, seconds, quality, size)
+    table = Table(title=f"{sequence.name}, {len(views)} views of {views[0].width}x{views[0].height}, {quality}, live")
+    table.add_column(f"pairs of {size[0]}x{size[1]} an eye")
+    for name in ("while video plays", "without"):
+        table.add_column(name, justify="right")
+    for name, *values in zip(*map(_rows, (playing, still)), strict=True):
+        table.add_row(name[0], name[1], values[0][1])
+    console = Console(width=120)
+    console.print(table)
+    pause = playing.status["pictures"]["longest_picture_during_update_ms"] - still.status["stages_ms"]["picture"]["p50"]
+    console.print(
+        f"a frame is {frame_bytes / 1e6:.3g} MB; longest picture during an update, beyond a median without: "
+        f"{pause:.0f} ms\nserver: {playing.server.resident_mb:.0f} MB resident, at most {playing.server.peak_mb:.0f} MB"
+    )
+
+
+def _rows(figures: LiveFigures) -> Iterator[tuple[str, str]]:
+    status, frames = figures.status, figures.frames
+    yield "pairs a second", f"{figures.rate:.1f}"
+    yield "pose sent to picture received, p50 p95 p99 ms", " ".join(f"{ms:.0f}" for ms in figures.motion_to_photon)
+    yield "kB a pair", f"{figures.picture_bytes / 1e3:.0f}"
+    yield "frames a second updated", f"{frames['updated'] / figures.seconds:.2f}"
+    yield "frames dropped, failed", f"{frames['dropped']}, {frames['failed']}"
+    for name, what in _STALLS.items():
+        both = (status["event_loop"][f"longest_{name}{when}_ms"] for when in ("", "_during_update"))
+        yield f"{what}; during updates, ms", ", ".join(f"{ms:.1f}" for ms in both)
+    for name in ("picture", "picture_during_update"):
+        median = status["stages_ms"].get(name, {"p50": math.nan})["p50"]
+        longest = status["pictures"][f"longest_{name}_ms"]
+        yield f"{name.replace('_', ' ')}: median, longest, ms", f"{median:.0f}, {longest:.0f}"
+    for name in ("ingest", "update.total"):
+        yield f"{name}, median, ms", f"{status['stages_ms'].get(name, {'p50': math.nan})['p50']:.0f}"
+    yield "cores of server, its event loop, replay", " ".join(f"{cores:.3f}" for cores in figures.cores)
+
+
+def measure_live(
+    folder: Path, fps: float | None, seconds: float, quality: str, size: tuple[int, int] = (640, 720)
+) -> tuple[LiveFigures, LiveFigures]:
+    """Serve, replay in a loop and watch for some seconds; then watch half as long without the replay.
+
+    Each is a process of its own as users run them; this one is the headset. Counting begins when a few frames have been
+    taken while there was a viewer. Raises RuntimeError where one of them fails.
+    """
+    rate = [] if fps is None else ["--rate", str(fps)]
+    with ExitStack() as stack:
+        server, url = stack.enter_context(_served(quality))
+        replay = stack.enter_context(_running("replay", str(folder), url, "--loop", *rate))
+        _watch_until_warm(url, size, (server, replay))
+        playing = _measure(url, seconds, size, server, replay)
+        replay.terminate()
+        replay.wait(_HANG_S)
+        still = _measure(url, seconds / 2, size, server, None)
+    return playing, still
+
+
+@contextmanager
+def _running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """A command of ours in a process of its own, ended with the block; what it says is kept for its failure."""
+    command = [sys.executable, "-m", "farside.clients.cli", *arguments]
+    with tempfile.TemporaryFile("w+") as said:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, text=True)
+        try:
+            yield process
+            if process.poll() not in (None, 0, -15):
+                said.seek(0)
+                raise RuntimeError(f"{arguments[0]} ended with {process.returncode}: {said.read()[-2000:]}")
+        finally:
+            process.terminate()
+            process.communicate(timeout=_HANG_S)
+
+
+@contextmanager
+def _served(quality: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    with _running("serve", "--port", "0", "--quality", quality) as server:
+        assert server.stdout is not None
+        said = server.stdout.readline()
+        found = re.match(r"serving at (\S+)", said)
+        if found is None:
+            server.wait(_HANG_S)
+        else:
+            yield server, found[1].rstrip("/")
+
+
+def _watch_until_warm(url: str, size: tuple[int, int], processes: Sequence[subprocess.Popen[str]]) -> None:
+    async def warm() -> None:
+        watching = asyncio.create_task(_watch(url, math.inf, size))
+        try:
+            async with asyncio.timeout(_HANG_S):
+                before = None
+                while before is None or (await _updates(url))[0] < before + _WARM_UPDATES:
+                    await asyncio.sleep(0.2)
+                    if watching.done() or any(process.poll() is not None for process in processes):
+                        raise RuntimeError("live: the server, the replay or the headset ended before it was watched")
+                    updated, viewers = await _updates(url)
+                    if before is None and viewers:
+                        before = updated
+        finally:
+            watching.cancel()
+            await asyncio.gather(watching, return_exceptions=True)
+
+    asyncio.run(warm())
+
+
+async def _updates(url: str) -> tuple[int, int]:
+    """Frames taken so far, and viewers that have a picture."""
+    status = await asyncio.to_thread(_status, url)
+    return status["frames"]["updated"], sum(viewer["rendered"] > 0 for viewer in status["viewers"].values())
+
+
+async def _watch(url: str, seconds: float, size: tuple[int, int]) -> Headset:
+    hello = ViewerHello.symmetric(*size, math.radians(90), axes="openxr")
+    headset = Headset(hello, rate=_POSE_RATE, seconds=seconds)
+    await persist(lambda: headset.run(url), 10.0, lambda message: None)
+    return headset
+
+
+def _measure(
+    url: str, seconds: float, size: tuple[int, int],
+    server: subprocess.Popen[str], replay: subprocess.Popen[str] | None,
+) -> LiveFigures:  # fmt: skip
+    start = time.monotonic()
+    before, used = _status(url), Usage.of(server.pid)
+    replay_used = Usage.of(replay.pid).cpu_s if replay else 0.0
+    headset = asyncio.run(_watch(url, seconds, size))
+    elapsed = time.monotonic() - start
+    status, now = _status(url, elapsed), Usage.of(server.pid)
+    if not headset.frames:
+        raise RuntimeError("live: the headset received no picture")
+    looping = status["event_loop"]["loop_busy_s"] - before["event_loop"]["loop_busy_s"]
+    replaying = Usage.of(replay.pid).cpu_s - replay_used if replay else 0.0
+    seconds_of_cores = now.cpu_s - used.cpu_s, looping, replaying
+    p50, p95, p99 = np.percentile(headset.latencies_ms, (50, 95, 99)).tolist()
+    return LiveFigures(
+        elapsed,
+        len(headset.frames),
+        {outcome: count - before["frames"][outcome] for outcome, count in status["frames"].items()},
+        (p50, p95, p99),
+        headset.bytes_received / len(headset.frames),
+        (seconds_of_cores[0] / elapsed, seconds_of_cores[1] / elapsed, seconds_of_cores[2] / elapsed),
+        now,
+        status,
+    )
+
+
+def _status(url: str, seconds: float = 3600.0) -> dict[str, Any]:
+    with urllib.request.urlopen(f"{url}/status?seconds={seconds}", timeout=_HANG_S) as answer:
+        status: dict[str, Any] = json.load(answer)
+        return status
