@@ -44,6 +44,7 @@ def command(
     views: Annotated[int | None, typer.Option(help="Views warped a picture.")] = None,
     init: Annotated[int | None, typer.Option(help="Views that build the S-PBS.")] = None,
     update: Annotated[int | None, typer.Option(help="Views that update the P-PBS a frame.")] = None,
+    update_interval: Annotated[int | None, typer.Option(help="The model takes every so many frames.")] = None,
     background: Annotated[bool, typer.Option("--background/--no-background", help="The model.")] = True,
     history: Annotated[
         bool, typer.Option("--history/--no-history", help="Show frames before A to the model first.")
@@ -57,6 +58,9 @@ def command(
         float | None,
         typer.Option(help="Time constant of following the views' exposure and white balance, s; 0: leave them."),
     ] = None,
+    output_scale: Annotated[
+        float | None, typer.Option(help="Size of the pictures to that asked for, each way, at the same field of view.")
+    ] = None,
     fill: Annotated[bool, typer.Option("--fill/--no-fill", help="Fill disocclusions.")] = True,
     png: Annotated[bool, typer.Option(help="Also write PNG files.")] = False,
     report: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write a report.")] = None,
@@ -66,7 +70,8 @@ def command(
     opened = open_sequence(sequence)
     given = {
         "n_render": views, "n_init": init, "n_update": update, "tolerance_px": tolerance, "delta_m": delta,
-        "exposure_s": exposure, "fill": None if fill else "none",
+        "exposure_s": exposure, "update_interval": update_interval, "output_scale": output_scale,
+        "fill": None if fill else "none",
     }  # fmt: skip
     changes = {name: value for name, value in given.items() if value is not None}
     settings = Settings.preset(quality, background=background, **changes)

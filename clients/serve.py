@@ -53,6 +53,12 @@ def command(
     update: Annotated[
         int | None, typer.Option(help="Views that update the P-PBS a frame (n_update).")
     ] = None,
+    update_interval: Annotated[
+        int | None, typer.Option(help="The model takes every so many frames (default 1: all).")
+    ] = None,
+    output_scale: Annotated[
+        float | None, typer.Option(help="Size of pictures to that asked for, each way; viewers enlarge them.")
+    ] = None,
     jpeg_quality: Annotated[int | None, typer.Option(help="1 to 100.")] = None,
     background: Annotated[bool | None, typer.Option(help="Build and render the background model.")] = None,
     max_viewers: Annotated[int | None, typer.Option(help="Viewers at a time.")] = None,
@@ -67,6 +73,8 @@ def command(
         views=views,
         init=init,
         update=update,
+        update_interval=update_interval,
+        output_scale=output_scale,
         jpeg_quality=jpeg_quality,
         background=background,
         max_viewers=max_viewers,

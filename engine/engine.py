@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +26,7 @@ from .scene import Scene
 from .selection import select_views, view_shares
 from .settings import Settings
 from .settling import Settler
-from .stages import timed
+from .stages import Stages, timed
 from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
 from .threads import set_thread_count, thread_count
 from .warping import Canvas, Target
@@ -34,6 +34,7 @@ from .warping import Canvas, Target
 __all__ = ["BackEndReport", "Engine", "Viewer"]
 
 Viewer = StereoView | Camera
+V = TypeVar("V", StereoView, Camera, StereoView | Camera)
 
 _STEREO_VIEWERS = 4  # stereo pairs that are rendered at the same time
 _NEAR = 0.02  # of the depth range's near end: nearer to the eye nothing is drawn
@@ -42,11 +43,12 @@ _FIRST_VIEWS = 3  # views made ready in the back end where the later ones may ha
 
 @dataclass(slots=True)
 class BackEndReport:
-    """What one video frame cost: milliseconds by stage, and the background model's own report."""
+    """What one video frame cost: milliseconds by stage, the rays of the PBIs and the background model's own report."""
 
     frame_index: int
-    stages: dict[str, float]
+    stages: Stages
     background: UpdateReport | None
+    pbi_rays: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,7 @@ class _FrontBuffer:
     views: tuple[PreparedView, ...]
     present: ViewTable
     tones: npt.NDArray[np.float64] | None  # of the views (`Exposure.tones`)
+    settings: Settings  # of the picture that is rendered from it
     backdrops: Mapping[str, PreparedView] = field(default_factory=dict)  # by viewer
 
 
@@ -84,6 +87,15 @@ class Engine:
         self._canvas_lock = threading.Lock()
         self._settler = Settler()
         self._second_eye = ThreadPoolExecutor(_STEREO_VIEWERS, "farside-second-eye")
+
+    def retune(self, settings: Settings) -> None:
+        """Render from the next picture on with other settings, from any thread; nothing is built anew.
+
+        Raises ValueError where one differs that is not among `settings.PER_PICTURE`. Views that are drawn only now are
+        triangulated with the next picture, and from the next frame on in the back end.
+        """
+        settings.fixed_as_in(self.settings)
+        self.settings = settings
 
     @property
     def frame_index(self) -> int | None:
@@ -113,63 +125,65 @@ class Engine:
         `speeds` are the viewers' head speeds in m/s, for the PBI's margin.
         """
         self._check(frame)
-        stages: dict[str, float] = {}
+        settings, stages = self.settings, Stages()
+        viewers = {name: _scaled(viewer, settings) for name, viewer in (viewers or {}).items()}
         if self._scene is None:
-            self._scene = Scene.of([view.camera for view in frame.views], self.settings, frame)
+            self._scene = Scene.of([view.camera for view in frame.views], settings, frame)
         scene = self._scene
         views = tuple(
-            PreparedView(
-                view, scene.triangulation(view.camera, self.settings), scene.origin, self.settings.completion
-            )
+            PreparedView(view, scene.triangulation(view.camera, settings), scene.origin, settings.completion)
             for view in frame.views
         )
         present = ViewTable(views)
         report = None
-        with timed(stages, "ingest"):
+        with timed(stages, "exposure"):
             tones = self._follow_exposure(frame, present, scene)
         with timed(stages, "background"):
-            if self.settings.background:
+            if settings.background:
                 if self._model is None:
-                    self._model = BackgroundModel(self.cameras, self.settings, scene)
+                    self._model = BackgroundModel(self.cameras, settings, scene)
                 report = self._model.update(frame, None if tones is None else to_common(tones))
         with timed(stages, "pbi"):
-            backdrops = {}
-            for name, viewer in (viewers or {}).items():
+            backdrops, pbi_rays = {}, 0
+            for name, viewer in viewers.items():
                 if self._model is not None:
-                    backdrops[name] = self._backdrop(viewer, (speeds or {}).get(name, 0.0), scene, present)
+                    backdrops[name], rays = self._backdrop(viewer, (speeds or {}).get(name, 0.0), scene, present)
+                    pbi_rays += rays
         with timed(stages, "triangulate"):
-            ready = None if self.settings.overdraw else _FIRST_VIEWS
-            for viewer in (viewers or {}).values():
-                chosen = self._select(viewer, views, scene)
+            ready = None if settings.overdraw else _FIRST_VIEWS
+            for viewer in viewers.values():
+                chosen = self._select(viewer, views, scene, settings)
                 for k in chosen[ready:] if ready else ():
                     views[k].completed  # noqa: B018 (colours are fetched by it, whether or not a mesh is drawn)
                 for k in chosen[:ready]:
                     for part in views[k].parts:
                         views[k].mesh(part)
-                if self.settings.prefilter:  # otherwise the first picture would make them
+                if settings.prefilter:  # otherwise the first picture would make them
                     resolution = pixels_per_radian(self._target(viewer, scene))
                     ViewTable([views[k] for k in chosen], drawn=len(chosen)).at(resolution)
-        self._front = _FrontBuffer(frame, scene, views, present, tones, backdrops)
-        return BackEndReport(frame.index, stages, report)
+        self._front = _FrontBuffer(frame, scene, views, present, tones, settings, backdrops)
+        return BackEndReport(frame.index, stages, report, pbi_rays)
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
         """Render both eyes from the newest frame; `viewer` names whose PBI is the backdrop."""
         front = self._newest()
+        view = _scaled(view, front.settings)
         left, right = view.eyes(front.scene.coding)
-        stages: dict[str, float] = {}
+        stages = Stages()
         with timed(stages, "select"):
-            chosen, tones = self._select(view, front.views, front.scene), self._tones(view, front)
+            chosen, tones = self._select(view, front.views, front.scene, front.settings), self._tones(view, front)
         # An eye a thread: two pictures side by side cost less than one after the other on all threads.
         threads = thread_count()
-        share = max(1, threads // 2)
-        other = self._second_eye.submit(self._render_with, share, right, front, chosen, tones, viewer)
+        jobs = [(max(1, threads // 2), eye, front, chosen, tones, viewer) for eye in (left, right)]
+        other = self._second_eye.submit(self._render_with, *jobs[1]) if threads > 1 else None
         try:
-            first = self._render_with(share, left, front, chosen, tones, viewer)
+            first = self._render_with(*jobs[0])
         finally:
             set_thread_count(threads)
-            wait([other])
-        first.report.stages = stages | first.report.stages
-        return StereoPicture(first, other.result(), front.frame.index)
+            wait([other] if other else [])
+        second = other.result() if other else self._render_with(*jobs[1])
+        first.report.stages.add("select", stages["select"], stages.cpu["select"])
+        return StereoPicture(first, second, front.frame.index)
 
     def _render_with(
         self, threads: int, camera: Camera, front: _FrontBuffer, chosen: Sequence[int],
@@ -181,7 +195,9 @@ class Engine:
     def render_camera(self, camera: Camera, viewer: str | None = None) -> RenderedPicture:
         """Render one virtual camera of any projection from the newest frame."""
         front = self._newest()
-        chosen, tones = self._select(camera, front.views, front.scene), self._tones(camera, front)
+        camera = _scaled(camera, front.settings)
+        chosen = self._select(camera, front.views, front.scene, front.settings)
+        tones = self._tones(camera, front)
         return self._render_eye(camera, front, chosen, tones, viewer)
 
     def mesh(self) -> ColouredMesh:
@@ -196,9 +212,10 @@ class Engine:
         return {"frame_index": self.frame_index, "cameras": len(self.cameras), "background": counts}
 
     def _newest(self) -> _FrontBuffer:
+        """What the next picture is rendered from, and how."""
         if self._front is None:
             raise ValueError("frame: none was received yet")
-        return self._front
+        return dataclasses.replace(self._front, settings=self.settings)
 
     def _check(self, frame: Frame) -> None:
         names = tuple(view.camera.name for view in frame.views)
@@ -230,21 +247,23 @@ class Engine:
         cameras = [prepared.view.camera for prepared in front.views]
         return to_picture(front.tones, view_shares(target, cameras, front.scene.depths[:2]))
 
-    def _backdrop(self, viewer: Viewer, speed: float, scene: Scene, present: ViewTable) -> PreparedView:
+    def _backdrop(self, viewer: Viewer, speed: float, scene: Scene, present: ViewTable) -> tuple[PreparedView, int]:
+        """A viewer's PBI, and the rays that it took."""
         assert self._model is not None
+        scale, margin = self.settings.pbi_scale, self.settings.pbi_margin_rad
         if isinstance(viewer, Camera):
-            camera = enlarged(viewer, scene.coding, self.settings.pbi_scale)
+            camera = enlarged(viewer, scene.coding, scale, margin)
         else:
-            camera = imaginary_camera(viewer, speed, self.f_vin, scene.coding, self.settings.pbi_scale)
+            camera = imaginary_camera(viewer, speed, self.f_vin, scene.coding, scale, margin)
         standing = self.settings.backdrop == "standing"
         # What lies between the imaginary camera and the head is not seen.
         near = math.dist(camera.pose.position, viewer.pose.position) + _NEAR * scene.coding.near
-        view = self._model.render_pbi(camera, present if standing else None, near=near).view
-        return PreparedView(view, scene.triangulation(camera, self.settings), scene.origin)
+        image = self._model.render_pbi(camera, present if standing else None, near=near)
+        return PreparedView(image.view, scene.triangulation(camera, self.settings), scene.origin), image.rays
 
-    def _select(self, viewer: Viewer, views: Sequence[PreparedView], scene: Scene) -> list[int]:
+    def _select(self, viewer: Viewer, views: Sequence[PreparedView], scene: Scene, settings: Settings) -> list[int]:
         cameras = [prepared.view.camera for prepared in views]
-        return select_views(self._target(viewer, scene), cameras, self.settings.n_render, scene.depths[:2])
+        return select_views(self._target(viewer, scene), cameras, settings.n_render, scene.depths[:2])
 
     @staticmethod
     def _target(viewer: Viewer, scene: Scene) -> Camera:
@@ -263,7 +282,7 @@ class Engine:
         with self._canvas(camera) as canvas:
             with timed(report.stages, "warp"):
                 canvas.clear()
-                report.warped = self._draw_views(canvas, views, target, near)
+                report.warped = self._draw_views(canvas, views, target, near, front.settings)
                 report.holes_warped = report.holes_backdrop = hole_fraction(canvas.disparity)
             with timed(report.stages, "backdrop"):
                 if backdrop is not None:
@@ -271,22 +290,22 @@ class Engine:
                     report.holes_backdrop = hole_fraction(canvas.disparity)
                     views += [backdrop, *front.views]
             with timed(report.stages, "shade"):
-                fills = self.settings.fill != "none" and report.holes_backdrop < 1
+                fills = front.settings.fill != "none" and report.holes_backdrop < 1
                 if not fills:
                     canvas.grey()
                 if views:
                     every = [*chosen, -1, *range(len(front.views))][: len(views)]
                     table = ViewTable(views, None if tones is None else tones[every], drawn=len(chosen))
-                    self._shade(canvas, target, table, len(chosen))
+                    self._shade(canvas, target, table, len(chosen), front.settings)
             with timed(report.stages, "antialias"):
-                if self.settings.antialias and views:
+                if front.settings.antialias and views:
                     self._smooth_silhouettes(canvas, camera, front, chosen, backdrop, table)
             with timed(report.stages, "fill"):
                 report.holes_filled = report.holes_backdrop
                 if fills and report.holes_backdrop > 0:
                     rise = self._rise(camera, [front.views[k] for k in chosen], report.holes_backdrop)
-                    fill(canvas.disparity, canvas.planes, rise, structured=self.settings.fill == "structure")
-                    if viewer is not None and self.settings.settles:
+                    fill(canvas.disparity, canvas.planes, rise, structured=front.settings.fill == "structure")
+                    if viewer is not None and front.settings.settles:
                         # Both eyes of a viewer have their own picture.
                         of = f"{viewer} {camera.name}"
                         self._settler.settle(of, camera, front.scene.depths[0], canvas.disparity, canvas.planes)
@@ -294,19 +313,20 @@ class Engine:
                 texture = canvas.texture()
             return RenderedPicture(camera, texture, canvas.disparity.copy(), canvas.winner.copy(), report)
 
+    @staticmethod
     def _draw_views(
-        self, canvas: Canvas, views: Sequence[PreparedView], target: Target, near: float
+        canvas: Canvas, views: Sequence[PreparedView], target: Target, near: float, settings: Settings
     ) -> int:
         """Draw views in order of worth; returns the number of triangles."""
         warped = 0
         for number, prepared in enumerate(views):
             margin = 2 * prepared.options.tolerance + prepared.view.camera.depth.step
-            tiles = canvas.hole_tiles() if number and not self.settings.overdraw else None
+            tiles = canvas.hole_tiles() if number and not settings.overdraw else None
             warped += canvas.draw(prepared.mesh(), target, number, near, margin, tiles)
         # Depth that was not measured may be anywhere: it goes only where no view has measured a surface. So does the
         # half pixel round everything that is known less well.
         warped += canvas.draw_holes("doubtful", views, target, near)
-        if self.settings.rims:
+        if settings.rims:
             warped += canvas.draw_holes("rims", views, target, near)
         return warped
 
@@ -316,7 +336,7 @@ class Engine:
         """Lay a viewer's backdrop behind the chosen views; returns the number of triangles."""
         assert self._model is not None
         near, push = _NEAR * front.scene.coding.near, self._model.delta  # section 3.4.2: moved backwards by delta
-        holes_only = not self.settings.overdraw
+        holes_only = not front.settings.overdraw
         return canvas.draw_backdrop(backdrop, front.present, chosen, target, near, push, holes_only=holes_only)
 
     def _smooth_silhouettes(
@@ -329,14 +349,14 @@ class Engine:
         target, near = Target(double, front.scene.origin), _NEAR * front.scene.coding.near
         with self._canvas(double) as fine:
             fine.clear(canvas.silhouettes(step))
-            self._draw_views(fine, [front.views[k] for k in chosen], target, near)
+            self._draw_views(fine, [front.views[k] for k in chosen], target, near, front.settings)
             if backdrop is not None:
                 self._draw_backdrop(fine, backdrop, front, chosen, target)
-            self._shade(fine, target, table, len(chosen))
+            self._shade(fine, target, table, len(chosen), front.settings)
             canvas.average(fine)
 
-    def _shade(self, canvas: Canvas, target: Target, table: ViewTable, n_views: int) -> None:
-        s = self.settings
+    @staticmethod
+    def _shade(canvas: Canvas, target: Target, table: ViewTable, n_views: int, s: Settings) -> None:
         canvas.shade(target, table, n_views, s.blend, cubic=s.cubic, prefilter=s.prefilter)
 
     def _rise(self, camera: Camera, views: Sequence[PreparedView], holes: float) -> float:
@@ -357,3 +377,12 @@ class Engine:
         finally:
             with self._canvas_lock:
                 free.append(canvas)
+
+
+def _scaled(viewer: V, settings: Settings) -> V:
+    """A viewer with the size of pictures that is rendered."""
+    if settings.output_scale == 1.0:
+        return viewer
+    if isinstance(viewer, StereoView):
+        return viewer.scaled(settings.output_scale)
+    return dataclasses.replace(viewer, projection=viewer.projection.scaled(settings.output_scale))

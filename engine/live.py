@@ -35,7 +35,9 @@ IN_FLIGHT = 2  # pictures that may be on their way to a viewer that tells what i
 class Report(Protocol):
     """What a back-end update says of itself."""
 
-    stages: dict[str, float]  # milliseconds
+    @property
+    def stages(self) -> Mapping[str, float]:
+        """Milliseconds by stage."""
 
 
 class Core(Protocol):
@@ -333,4 +335,4 @@ def _timed_update(
     start = time.perf_counter()
     report = core.update(frame, viewers, speeds)
     total = 1e3 * (time.perf_counter() - start)
-    return report.stages | {"total": total}, core.status()
+    return {**report.stages, "total": total}, core.status()

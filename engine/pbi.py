@@ -11,9 +11,9 @@ from .depth import DepthCoding
 from .frame import View
 from .stereo import StereoView
 
-__all__ = ["BackgroundImage", "enlarged", "imaginary_camera"]
+__all__ = ["MARGIN_RAD", "BackgroundImage", "enlarged", "imaginary_camera"]
 
-_TURN_RAD = math.radians(3.0)  # what a head turns by until the next PBI: 90 degrees a second at 30 Hz
+MARGIN_RAD = math.radians(3.0)  # what a head turns by until the next PBI: 90 degrees a second at 30 Hz
 _WIDEST = math.tan(math.radians(80.0))  # a frustum is not widened beyond this
 _NARROWEST = 0.1  # tangent below which a side does not decide how far behind the head the camera stands
 
@@ -27,19 +27,20 @@ class BackgroundImage:
 
 
 def imaginary_camera(
-    view: StereoView, head_speed_m_s: float, f_vin: float, depth: DepthCoding, scale: float = 1.0
-) -> Camera:
+    view: StereoView, head_speed_m_s: float, f_vin: float, depth: DepthCoding, scale: float = 1.0,
+    margin_rad: float = MARGIN_RAD,
+) -> Camera:  # fmt: skip
     """The camera just behind a head whose frustum holds both eyes' until the next video frame.
 
     `head_speed_m_s` and `f_vin` (frames a second) say how far the head may get until then; `scale` is PBI pixels
-    for each pixel of an eye. The eyes' frusta may be asymmetric.
+    for each pixel of an eye, `margin_rad` what it sees beyond the frusta on each side, which may be asymmetric.
     """
     if not (head_speed_m_s >= 0 and f_vin > 0 and scale > 0):
         raise ValueError(
             f"head speed, f_vin, scale: {(head_speed_m_s, f_vin, scale)!r}: expected 0 or more, and positive numbers"
         )
     sides = [max(pair) for pair in zip(_tangents(view.left), _tangents(view.right), strict=True)]
-    left, right, top, bottom = (_widened(side) for side in sides)
+    left, right, top, bottom = (_widened(side, margin_rad) for side in sides)
     travel = head_speed_m_s / f_vin
     # Seen from b behind the head, a side of tangent t is t * b away at the eyes: it has to hold them there.
     across = 0.5 * view.ipd + travel
@@ -50,7 +51,7 @@ def imaginary_camera(
     return Camera("imaginary", projection, view.pose.translated((-behind, 0.0, 0.0)), depth)
 
 
-def enlarged(camera: Camera, depth: DepthCoding, scale: float = 1.0, margin_rad: float = _TURN_RAD) -> Camera:
+def enlarged(camera: Camera, depth: DepthCoding, scale: float = 1.0, margin_rad: float = MARGIN_RAD) -> Camera:
     """A camera at the same place that sees a little more on all sides (perspective or equirectangular)."""
     projection = camera.projection
     wide: Perspective | Equirectangular
@@ -82,7 +83,7 @@ def _tangents(projection: Perspective) -> tuple[float, float, float, float]:
     return max(y), -min(y), max(z), -min(z)
 
 
-def _widened(tangent: float, margin_rad: float = _TURN_RAD) -> float:
+def _widened(tangent: float, margin_rad: float) -> float:
     angle = min(math.atan(tangent) + margin_rad, math.atan(_WIDEST))
     return max(math.tan(angle), tangent)
 

@@ -86,7 +86,7 @@ class Renderer:
         self, index: int, back_end: BackEndReport, ingest: float, pictures: dict[str, RenderedPicture]
     ) -> dict[str, Any]:
         stages = dict.fromkeys(STAGES, 0.0) | back_end.stages
-        stages["ingest"] += ingest
+        stages["ingest"] = ingest + stages.pop("exposure")
         for picture in pictures.values():
             for name, milliseconds in picture.report.stages.items():
                 stages[_PICTURE_STAGES[name]] += milliseconds

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, fields, replace
 
-__all__ = ["BACKDROPS", "FILLS", "QUALITIES", "Settings"]
+__all__ = ["BACKDROPS", "FILLS", "PER_PICTURE", "QUALITIES", "Settings"]
 
 FILLS = ("none", "smooth", "structure")
 QUALITIES = ("fast", "balanced", "best")
 BACKDROPS = ("farthest", "standing")
+# What only rendering and encoding a picture read: may change from picture to picture (`Engine.retune`). What the
+# model and the meshes are made by stays as long as the engine lives.
+PER_PICTURE = (
+    "n_render", "fill", "settles", "overdraw", "rims", "output_scale", "blend", "antialias", "cubic", "prefilter",
+    "jpeg_quality",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +28,7 @@ class Settings:
     n_render: int = 5  # views warped a picture (n_rv^render)
     n_init: int = 6  # views that build the S-PBS (n_rv^init)
     n_update: int = 1  # views that update the P-PBS a frame (n_rv^update)
+    update_interval: int = 1  # the model takes every so many video frames; pictures still show each
     background: bool = True  # keep and render the background model
     fill: str = "structure"  # what is left: grey (none), blurred (smooth), or near its rims continued (structure)
     settles: bool = True  # what fills a hole stays while the head is still
@@ -35,6 +43,10 @@ class Settings:
     culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
     backdrop: str = "standing"  # shown of the model behind a pixel: the nearest that stands, or the paper's "farthest"
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
+    pbi_margin_rad: float = math.radians(3.0)  # what it shows beyond the eyes' frusta, for heads that turn meanwhile
+    # Size of pictures to that asked for, each way. They are rendered and sent at that size, with the field of view
+    # that was asked for, and whoever shows them enlarges them, as headsets and browsers do in any case.
+    output_scale: float = 1.0
     # Time constant in seconds of following the views' exposure and white balance, whose differences are removed; 0:
     # they stay. A twin with differences of 15 % gains 1 to 6 dB PSNR-Y (bench --exposure museum), equal views lose
     # nothing; the back end spends a few milliseconds a frame on it, whatever the pictures' size.
@@ -49,17 +61,19 @@ class Settings:
     jpeg_quality: int = 90
 
     def __post_init__(self) -> None:
-        for name in ("n_render", "n_init", "n_update", "blend"):
+        for name in ("n_render", "n_init", "n_update", "update_interval", "blend"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 1")
         if self.fill not in FILLS:
             raise ValueError(f"fill: {self.fill!r}: expected one of {', '.join(FILLS)}")
         if self.culling_stride < 0:
             raise ValueError(f"culling_stride: {self.culling_stride!r}: expected at least 0")
-        if self.tolerance_px < 0:
-            raise ValueError(f"tolerance_px: {self.tolerance_px!r}: expected at least 0")
-        if self.exposure_s < 0:
-            raise ValueError(f"exposure_s: {self.exposure_s!r}: expected at least 0")
+        for name in ("tolerance_px", "exposure_s", "pbi_margin_rad"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 0")
+        for name in ("pbi_scale", "output_scale"):
+            if not 0.05 <= getattr(self, name) <= 4.0:
+                raise ValueError(f"{name}: {getattr(self, name)!r}: expected 0.05 to 4")
         if self.delta_m is not None and self.delta_m < 0:
             raise ValueError(f"delta_m: {self.delta_m!r}: expected at least 0")
         if self.backdrop not in BACKDROPS:
@@ -79,3 +93,10 @@ class Settings:
         if quality not in presets:
             raise ValueError(f"quality: {quality!r}: expected one of {', '.join(QUALITIES)}")
         return replace(presets[quality], **changes)  # type: ignore[arg-type]
+
+    def fixed_as_in(self, other: Settings) -> None:
+        """Raises ValueError where something differs that cannot change from picture to picture (`PER_PICTURE`)."""
+        for field in fields(self):
+            mine, theirs = getattr(self, field.name), getattr(other, field.name)
+            if field.name not in PER_PICTURE and mine != theirs:
+                raise ValueError(f"{field.name}: {mine!r}: expected {theirs!r}, which stays while the engine runs")

@@ -6,14 +6,30 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["timed"]
+__all__ = ["Stages", "timed"]
+
+
+class Stages(dict[str, float]):
+    """Milliseconds of wall time by stage; `cpu` has those of the whole process, of all its threads.
+
+    What else the process does meanwhile is in `cpu` too: another eye's thread, an update.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.cpu: dict[str, float] = {}
+
+    def add(self, name: str, wall: float, cpu: float) -> None:
+        """Add milliseconds to a stage."""
+        self[name] = self.get(name, 0.0) + wall
+        self.cpu[name] = self.cpu.get(name, 0.0) + cpu
 
 
 @contextmanager
-def timed(stages: dict[str, float], name: str) -> Iterator[None]:
+def timed(stages: Stages, name: str) -> Iterator[None]:
     """Add the milliseconds that the block takes to a stage."""
-    start = time.perf_counter()
+    wall, cpu = time.perf_counter(), time.process_time()
     try:
         yield
     finally:
-        stages[name] = stages.get(name, 0.0) + 1e3 * (time.perf_counter() - start)
+        stages.add(name, 1e3 * (time.perf_counter() - wall), 1e3 * (time.process_time() - cpu))

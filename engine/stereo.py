@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .camera import Camera, Perspective, Pose
 from .depth import DepthCoding
 from .frame import Texture
+from .stages import Stages
 
 __all__ = ["PictureReport", "RenderedPicture", "StereoPicture", "StereoView"]
 
@@ -47,6 +48,10 @@ class StereoView:
         """The same head elsewhere."""
         return dataclasses.replace(self, pose=pose)
 
+    def scaled(self, scale: float) -> StereoView:
+        """The same eyes with pictures of another resolution (`Perspective.scaled`)."""
+        return dataclasses.replace(self, left=self.left.scaled(scale), right=self.right.scaled(scale))
+
 
 @dataclass(slots=True)
 class PictureReport:
@@ -57,7 +62,7 @@ class PictureReport:
     holes_backdrop: float = 0.0  # after it
     holes_filled: float = 0.0  # after filling
     warped: int = 0  # triangles
-    stages: dict[str, float] = dataclasses.field(default_factory=dict)
+    stages: Stages = dataclasses.field(default_factory=Stages)
 
 
 @dataclass(frozen=True, slots=True)

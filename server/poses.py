@@ -78,7 +78,7 @@ def _finish(
     left, right = (
         encode_texture(eye.texture, hello.encoding, quality) for eye in (picture.left, picture.right)
     )
-    pose = wanted.tag
+    pose, (height, width) = wanted.tag, picture.left.texture.y.shape
     return encode(
         Stereo(
             pose.seq,
@@ -86,8 +86,8 @@ def _finish(
             pose.position,
             pose.orientation,
             picture.frame_index,
-            hello.width,
-            hello.height,
+            width,
+            height,
             left,
             right,
             picture.stages,

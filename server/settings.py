@@ -25,6 +25,8 @@ class ServerSettings(BaseSettings):
     views: int | None = Field(None, ge=1)  # n_render
     init: int | None = Field(None, ge=1)  # n_init
     update: int | None = Field(None, ge=1)  # n_update
+    update_interval: int | None = Field(None, ge=1)
+    output_scale: float | None = Field(None, ge=0.05, le=4.0)
     background: bool = True
     jpeg_quality: int | None = Field(None, ge=1, le=100)
     render_workers: int = Field(2, ge=1, le=64)
@@ -40,6 +42,8 @@ class ServerSettings(BaseSettings):
             "n_render": self.views,
             "n_init": self.init,
             "n_update": self.update,
+            "update_interval": self.update_interval,
+            "output_scale": self.output_scale,
             "jpeg_quality": self.jpeg_quality,
             "background": self.background,
         }

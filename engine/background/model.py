@@ -22,7 +22,7 @@ from ..pbi import BackgroundImage
 from ..prepared import ViewTable
 from ..scene import Scene
 from ..settings import Settings
-from ..stages import timed
+from ..stages import Stages, timed
 from ..triangulation import triangulate
 from .coverage import choose_views, farther_pixels
 from .culling import clear_marks, cull_unmarked, mark_background, mark_missed
@@ -49,7 +49,7 @@ class UpdateReport:
     s_pbs: int = 0
     s_pbs_valid: int = 0
     p_pbs: int = 0
-    stages: dict[str, float] = dataclasses.field(default_factory=dict)  # milliseconds
+    stages: Stages = dataclasses.field(default_factory=Stages)
 
 
 class BackgroundModel:
@@ -74,6 +74,7 @@ class BackgroundModel:
         self._cast_version = [-1] * len(self.cameras)  # the PBS' version at each camera's last culling rays
         self._moved: set[int] = set()
         self._next = 0
+        self._waited = 0  # frames that were not taken since the last that was
         self._first: list[npt.NDArray[np.float64]] = []  # samples of the first frame's disparities
         self._frames = 0
         self._rounds = [1] * len(self.cameras)  # of fusion, when each camera's surfaces were derived last
@@ -176,6 +177,9 @@ class BackgroundModel:
 
     def _progress(self, frame: Frame, tones: npt.NDArray[np.float64]) -> UpdateReport:
         retired = self._retire(frame)
+        self._waited = (self._waited + 1) % self.settings.update_interval
+        if self._waited and not retired:
+            return UpdateReport(frame.index, ())
         group = self._next_group()
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
         with timed(report.stages, "maximum_depth"):

@@ -104,5 +104,5 @@ def measure_exposure(name: str, scale: float, quality: str, seed: int = 0) -> Ex
     assert found is not None
     left = np.tile(np.eye(4), (len(tones), 1, 1))
     before, after = (np.sqrt((tone_errors(guess, tones) ** 2).mean(axis=0)) for guess in (left, found))
-    update_ms = min(engines[-1].update(altered).stages["ingest"] for _ in range(_REPEATS))
+    update_ms = min(engines[-1].update(altered).stages["exposure"] for _ in range(_REPEATS))
     return ExposureReport(rows, before, after, update_ms)
