@@ -83,9 +83,14 @@ def command(
     minified: Annotated[
         str | None, typer.Option(metavar="NAME", help="A twin in pictures coarser than its views, prefiltered or not.")
     ] = None,
+    stages: Annotated[
+        str | None,
+        typer.Option(metavar="SEQ|NAME", help="Time and work of every stage, on a sequence or a twin at --scale."),
+    ] = None,
     scale: Annotated[float, typer.Option(help="Size of a twin's pictures.")] = 0.25,
     frames: Annotated[
-        int | None, typer.Option(help="Frames to play, at most (--accuracy, --fill 16, --flicker 60, else 100).", min=1)
+        int | None,
+        typer.Option(min=1, help="Frames at most (--stages 8, --accuracy and --fill 16, --flicker 60, else 100)."),
     ] = None,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for plots, pictures and figures.")] = None,
     quality: Annotated[str, typer.Option(help="fast, balanced or best; a list for --accuracy.")] = "best",
@@ -94,17 +99,25 @@ def command(
     ] = None,
 ) -> None:
     """Measure speed and quality."""
-    wishes = (peers, ghosts, noise, model, pairs, sparse, backdrop, exposure, minified, fill, flicker, live)
+    wishes = (peers, ghosts, noise, model, pairs, sparse, backdrop, exposure, minified, fill, flicker, live, stages)
     if not accuracy and all(chosen is None for chosen in wishes):
         raise ValueError(
             "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model, --live, --sparse, --fill or "
-            "--flicker SEQ, or --ghosts, --noise, --pairs, --backdrop, --exposure or --minified NAME"
+            "--flicker SEQ, --stages SEQ or NAME, or --ghosts, --noise, --pairs, --backdrop, --exposure or --minified "
+            "NAME"
         )
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
 
         plan = make_plan(views, background, quality, frames, every)
         show_accuracy(folders or [], twins, scale, camera or [], plan, report)
+    if stages is not None:
+        from farside.engine.settings import Settings
+
+        from .benchmarks.stages import show_stages
+
+        settings = Settings.preset(quality, n_render=_few(views), background=background is not False)
+        show_stages(stages, scale, frames or 8, settings, report)
     if pairs is not None:
         from .benchmarks.pairs import show_pairs
 

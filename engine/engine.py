@@ -43,12 +43,13 @@ _FIRST_VIEWS = 3  # views made ready in the back end where the later ones may ha
 
 @dataclass(slots=True)
 class BackEndReport:
-    """What one video frame cost: milliseconds by stage, the rays of the PBIs and the background model's own report."""
+    """What one video frame cost: milliseconds by stage, rays and triangles, and the background model's own report."""
 
     frame_index: int
     stages: Stages
     background: UpdateReport | None
     pbi_rays: int = 0
+    triangles: int = 0  # of the views that are drawn
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +163,7 @@ class Engine:
                     resolution = pixels_per_radian(self._target(viewer, scene))
                     ViewTable([views[k] for k in chosen], drawn=len(chosen)).at(resolution)
         self._front = _FrontBuffer(frame, scene, views, present, tones, settings, backdrops)
-        return BackEndReport(frame.index, stages, report, pbi_rays)
+        return BackEndReport(frame.index, stages, report, pbi_rays, sum(view.triangle_count for view in views))
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
         """Render both eyes from the newest frame; `viewer` names whose PBI is the backdrop."""

@@ -67,6 +67,11 @@ class PreparedView:
             return self._meshes[part]
 
     @property
+    def triangle_count(self) -> int:
+        """Triangles of the meshes that were asked for up to now."""
+        return sum(len(mesh.triangles) for mesh in self._meshes.values())
+
+    @property
     def parts(self) -> tuple[Part, ...]:
         """What the view has besides rims."""
         return ("surface",) if self.completed.doubtful is None else ("surface", "doubtful")

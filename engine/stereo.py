@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from .depth import DepthCoding
 from .frame import Texture
 from .stages import Stages
 
-__all__ = ["PictureReport", "RenderedPicture", "StereoPicture", "StereoView"]
+__all__ = ["PictureReport", "RenderedPicture", "StereoPicture", "StereoView", "home_pose"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,3 +111,12 @@ class StereoPicture:
     def holes(self) -> float:
         """Fraction of pixels that only filling could colour, both eyes together."""
         return 0.5 * (self.left.report.holes_backdrop + self.right.report.holes_backdrop)
+
+
+def home_pose(cameras: Sequence[Camera]) -> Pose:
+    """Where a viewer starts: amid the cameras, level, looking where they look on average and the same way up."""
+    position = np.mean([camera.pose.position for camera in cameras], axis=0)
+    ahead = np.mean([camera.pose.rotation()[:, 0] for camera in cameras], axis=0)
+    yaw = math.atan2(ahead[1], ahead[0]) if math.hypot(ahead[0], ahead[1]) > 0.1 else 0.0
+    upright = sum(float(camera.pose.rotation()[2, 2]) for camera in cameras) >= 0
+    return Pose.from_euler(position, yaw, 0.0, 0.0 if upright else math.pi)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-from farside.engine.camera import Camera, Perspective, Pose
+from farside.engine.camera import Perspective, Pose
 from farside.engine.live import HeadPose, LiveViewer, Source
-from farside.engine.stereo import StereoPicture, StereoView
+from farside.engine.stereo import StereoPicture, StereoView, home_pose
 from starlette.websockets import WebSocket
 
 from .pictures import encode_texture
@@ -27,7 +24,7 @@ from .protocol import (
 )
 from .service import Service, conversation, race, receive, send
 
-__all__ = ["home_pose", "serve_viewer"]
+__all__ = ["serve_viewer"]
 
 
 async def serve_viewer(socket: WebSocket, service: Service) -> None:
@@ -100,12 +97,3 @@ def _finish(
 def _scene(axes: str, source: Source) -> Scene:
     position, orientation = pose_to_wire(axes, home_pose(source.cameras))
     return Scene(source.name, source.fps, len(source.cameras), position, orientation)
-
-
-def home_pose(cameras: tuple[Camera, ...]) -> Pose:
-    """Where a viewer starts: amid the cameras, level, looking where they look on average and the same way up."""
-    position = np.mean([camera.pose.position for camera in cameras], axis=0)
-    ahead = np.mean([camera.pose.rotation()[:, 0] for camera in cameras], axis=0)
-    yaw = math.atan2(ahead[1], ahead[0]) if math.hypot(ahead[0], ahead[1]) > 0.1 else 0.0
-    upright = sum(float(camera.pose.rotation()[2, 2]) for camera in cameras) >= 0
-    return Pose.from_euler(position, yaw, 0.0, 0.0 if upright else math.pi)

@@ -21,9 +21,9 @@ from farside.clients.connection import Peer, RefusedError, base_url, connect, pe
 from farside.clients.serve import listen, server_settings
 from farside.engine.camera import Pose
 from farside.engine.live import Source
+from farside.engine.stereo import home_pose
 from farside.server import protocol
 from farside.server.pictures import decode_texture, encode_view
-from farside.server.poses import home_pose
 from farside.server.protocol import (
     CloseCode,
     FrameDone,

@@ -13,7 +13,7 @@ import numpy as np
 from ..background.model import BackgroundModel
 from ..camera import Camera
 from ..frame import Frame, Texture, View
-from ..synth import FPS, Twin, render_view, twin_frame
+from ..synth import FPS, TWINS, Twin, make_twin, render_view, twin_frame
 from ..tmiv import Sequence as TmivSequence
 from ..tmiv import open_sequence
 from ..tmiv_json import TmivError, find_json
@@ -21,7 +21,7 @@ from .background import inside_rig
 from .ghosts import ghost_pixels, inside_cameras
 from .silhouettes import fine_camera, judge_silhouettes
 
-__all__ = ["Material", "TwinMaterial", "default_targets", "find_sequences"]
+__all__ = ["Material", "TwinMaterial", "default_targets", "find_sequences", "open_material"]
 
 
 class Material(Protocol):
@@ -108,6 +108,15 @@ def find_sequences(paths: Sequence[Path]) -> list[TmivSequence]:
             raise ValueError(f"{path}: expected a TMIV sequence, or a folder of sequences")
         found += [open_sequence(folder) for folder in folders]
     return found
+
+
+def open_material(name: str, scale: float) -> Material:
+    """A sequence by its folder, or a twin by its name; ValueError for neither."""
+    if name in TWINS:
+        return TwinMaterial(make_twin(name, scale))
+    if not Path(name).is_dir():
+        raise ValueError(f"sequence: {name!r}: expected a folder, or a twin: {', '.join(TWINS)}")
+    return open_sequence(Path(name))
 
 
 def _is_sequence(path: Path) -> bool:
