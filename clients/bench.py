@@ -87,10 +87,18 @@ def command(
         str | None,
         typer.Option(metavar="SEQ|NAME", help="Time and work of every stage, on a sequence or a twin at --scale."),
     ] = None,
+    targets: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Speed and loss beside what is wanted, on a twin (--scale 1).")
+    ] = None,
+    scaling: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Cost of a pair over pixels out and pixels in, on a twin.")
+    ] = None,
     scale: Annotated[float, typer.Option(help="Size of a twin's pictures.")] = 0.25,
     frames: Annotated[
         int | None,
-        typer.Option(min=1, help="Frames at most (--stages 8, --accuracy and --fill 16, --flicker 60, else 100)."),
+        typer.Option(
+            help="Frames at most (--stages 8, --accuracy and --fill 16, --targets 48, --flicker 60, else 100).", min=1
+        ),
     ] = None,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for plots, pictures and figures.")] = None,
     quality: Annotated[str, typer.Option(help="fast, balanced or best; a list for --accuracy.")] = "best",
@@ -99,12 +107,14 @@ def command(
     ] = None,
 ) -> None:
     """Measure speed and quality."""
-    wishes = (peers, ghosts, noise, model, pairs, sparse, backdrop, exposure, minified, fill, flicker, live, stages)
-    if not accuracy and all(chosen is None for chosen in wishes):
+    wishes = {
+        "--peers": peers, "--ghosts": ghosts, "--noise": noise, "--model": model, "--pairs": pairs,
+        "--sparse": sparse, "--backdrop": backdrop, "--exposure": exposure, "--minified": minified, "--fill": fill,
+        "--flicker": flicker, "--live": live, "--stages": stages, "--targets": targets, "--scaling": scaling,
+    }  # fmt: skip
+    if not accuracy and all(chosen is None for chosen in wishes.values()):
         raise ValueError(
-            "bench: nothing to measure: expected --accuracy, --peers FOLDER, --model, --live, --sparse, --fill or "
-            "--flicker SEQ, --stages SEQ or NAME, or --ghosts, --noise, --pairs, --backdrop, --exposure or --minified "
-            "NAME"
+            f"bench: nothing to measure: expected --accuracy or one of {', '.join(wishes)}, with what to measure it on"
         )
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
@@ -162,6 +172,14 @@ def command(
         from .benchmarks.filling import show_fills
 
         show_fills(fill, camera, frames or 16, every or 5, quality, _few(views or "2"), background is not False)
+    if targets is not None:
+        from .benchmarks.targets import show_targets
+
+        show_targets(targets, scale, frames or 48)
+    if scaling is not None:
+        from .benchmarks.targets import show_scaling
+
+        show_scaling(scaling, scale, quality, report)
     if flicker is not None:
         from .benchmarks.filling import show_flicker
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..camera import Pose
 from ..engine import Engine
 from ..frame import Frame
 from ..settings import Settings
 from ..stereo import StereoView
 from ..threads import set_thread_count, thread_count
+from .targets import head_pose
 
 __all__ = ["PairRate", "measure_pairs"]
 
@@ -40,7 +40,7 @@ def measure_pairs(
     """
     engine = Engine([view.camera for view in frames[0].views], Settings.preset(quality), f_vin=f_vin or 1.0)
     home = np.mean([view.camera.pose.position for view in frames[0].views], axis=0)
-    view = StereoView.symmetric(_pose(home, 0.0), *size, math.radians(90))
+    view = StereoView.symmetric(head_pose(home, 0.0), *size, math.radians(90))
     for frame in frames[:2]:  # compiles what is not compiled yet, and builds the S-PBS
         engine.update(frame, {_VIEWER: view})
         engine.render(view, _VIEWER)
@@ -57,7 +57,7 @@ def measure_pairs(
         back_end.start()
     start, stages = time.perf_counter(), []
     while (elapsed := time.perf_counter() - start) < seconds:
-        stages.append(engine.render(view.moved(_pose(home, elapsed)), _VIEWER).stages)
+        stages.append(engine.render(view.moved(head_pose(home, elapsed)), _VIEWER).stages)
     rate = PairRate(len(stages) / elapsed, updated[0] / elapsed)
     rate.stages = {name: float(np.median([row[name] for row in stages])) for name in stages[0]}
     stop.set()
@@ -65,8 +65,3 @@ def measure_pairs(
         back_end.join()
     return rate
 
-
-def _pose(home: np.ndarray, seconds: float) -> Pose:
-    turn = 2 * math.pi * seconds / 8.0
-    position = np.add(home, (0.0, 0.1 * math.sin(turn), 0.0))
-    return Pose.from_euler(position, 0.4 * math.sin(turn), 0.1 * math.sin(2 * turn), 0.0)

@@ -1,0 +1,93 @@
+"""`farside bench --targets` and `--scaling`: speed as it is wanted and as it is, and how cost grows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from farside.engine.bench.scaling import exponent, measure_growth, plot_growth
+from farside.engine.bench.targets import (
+    Target,
+    loss_targets,
+    one_eye_targets,
+    pair_targets,
+    update_targets,
+)
+from farside.engine.engine import Engine
+from farside.engine.settings import Settings
+from farside.engine.synth import make_twin, twin_frame
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+__all__ = ["show_scaling", "show_targets"]
+
+_EYE = (1280, 1440)
+
+
+def show_targets(name: str, scale: float, frames: int, repeats: int = 15) -> None:
+    """Print each figure beside what is wanted; twins of scale 1 are as large as the paper's sequences."""
+    twin = make_twin(name, scale)
+    size = (max(2, round(_EYE[0] * scale)), max(2, round(_EYE[1] * scale)))
+    rows: list[Target] = []
+    with Progress(console=Console(stderr=True)) as bar:
+
+        def steps(description: str, total: int | None) -> Callable[[], None]:
+            task = bar.add_task(description, total=total)
+            return lambda: bar.advance(task)
+
+        _warm_up(name, steps("compiling", 2))
+        rows += one_eye_targets(make_twin(name, 0.5 * scale), repeats, steps("one eye", 4 * repeats + 4))
+        engines = {quality: Engine(twin.sources, Settings.preset(quality)) for quality in ("fast", "balanced")}
+        rows += update_targets(twin, engines["balanced"], frames, 3, steps("playing frames", frames))
+        advance = steps("playing frames for fast", frames)
+        for index in range(frames):
+            engines["fast"].update(twin_frame(twin, index))
+            advance()
+        rows += pair_targets(twin_frame(twin, frames - 1), engines, size, repeats, steps("stereo pairs", repeats))
+        rows += loss_targets(twin, frames - 1, steps("loss", None))
+    Console(width=140).print(_table(rows, f"{name} at scale {scale:g}, frame {frames - 1}"))
+
+
+def _warm_up(name: str, advance: Callable[[], None]) -> None:
+    """Compile everything on a tiny twin, so that the first figures do not hold it."""
+    tiny = make_twin(name, 0.05)
+    for quality in ("fast", "balanced"):
+        engine = Engine(tiny.sources, Settings.preset(quality))
+        update_targets(tiny, engine, 4, 1, lambda: None)
+        list(pair_targets(twin_frame(tiny, 3), {quality: engine}, (64, 72), 1, lambda: None))
+        advance()
+
+
+def _table(rows: Iterable[Target], title: str) -> Table:
+    table = Table(title=title)
+    for column in ("what", "measured", "wanted", "met"):
+        table.add_column(column, justify="left" if column == "what" else "right")
+    for row in rows:
+        sign = ">=" if row.at_least else "<="
+        wanted = "" if row.wanted is None else f"{sign} {row.wanted:.3g} {row.unit}"
+        table.add_row(row.what, f"{row.value:.4g} {row.unit}", wanted, {None: "", True: "yes", False: "no"}[row.met])
+    return table
+
+
+def show_scaling(name: str, scale: float, quality: str, report: Path | None, repeats: int = 9) -> None:
+    """Print cost by size and its exponents; with `report`, a plot."""
+    console, rows = Console(width=120), []
+    table = Table(title=f"{name}, views of scale {scale:g}, {quality}: CPU ms, medians of {repeats}")
+    for column in ("grows", "pixels", "a pair", "an update"):
+        table.add_column(column, justify="right")
+    with Console(stderr=True).status("Measuring pairs and updates at four sizes of pictures and four of views"):
+        for row in measure_growth(name, scale, quality, repeats):
+            rows.append(row)
+            table.add_row(row.grows, f"{row.pixels:,}", f"{row.pair:.1f}", f"{row.update:.1f}")
+    console.print(table)
+    for grows in ("output", "input"):
+        pair, update = (exponent(rows, grows, cost) for cost in ("pair", "update"))
+        console.print(f"{grows} pixels: a pair costs pixels^{pair:.2f}, an update pixels^{update:.2f}")
+    if report is not None:
+        report.mkdir(parents=True, exist_ok=True)
+        try:
+            plot_growth(rows, f"{name}, {quality}", report / "scaling.png")
+            console.print(f"plot: {report / 'scaling.png'}")
+        except ImportError as error:
+            console.print(f"no plot: {error} (pip install farside[plots])")
