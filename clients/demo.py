@@ -30,13 +30,17 @@ def command(
     port: Annotated[int, typer.Option(help="Port (0: any free one).")] = 8765,
     seconds: Annotated[float | None, typer.Option(help="Stop after this long (default: Ctrl-C).")] = None,
     quality: Annotated[str, typer.Option(help="fast, balanced or best.")] = "fast",
+    target_fps: Annotated[
+        float | None,
+        typer.Option(help="Hold this many pairs a second: quality changes with the load, up to --quality at best."),
+    ] = None,
     cache: Annotated[
         Path | None, typer.Option(help="Where twins are kept (default: the user's cache).")
     ] = None,
 ) -> None:
     """Show everything at once: a twin sequence, the server, a replay and the viewer's address."""
     console = Console()
-    settings = server_settings(port=port, quality=quality)
+    settings = server_settings(port=port, quality=quality, target_fps=target_fps)
     with listen(settings) as listening:
         folder = _twin(cache or _cache(), scale, frames, console)
         sequence = open_sequence(folder)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -85,6 +86,7 @@ class Headset:
     holes: list[float] = field(default_factory=list)
     bytes_received: int = 0  # of the pictures
     stages: list[dict[str, float]] = field(default_factory=list)
+    rungs: Counter[str] = field(default_factory=Counter)  # pictures on each of the server's rungs
     span: tuple[float, float] = (0.0, 0.0)  # when the first and the last picture came
     _writing: asyncio.Task[None] | None = None
     _before: int = 0  # pictures received over earlier connections
@@ -140,6 +142,7 @@ class Headset:
         self.holes.append(picture.holes)
         self.bytes_received += sum(len(plane) for eye in (picture.left, picture.right) for plane in eye.planes)
         self.stages.append(dict(picture.stages))
+        self.rungs[picture.rung] += 1
         if self.out is not None and (self._writing is None or self._writing.done()):
             number = len(self.frames) - 1  # what comes while PNGs are written is left out
             self._writing = asyncio.create_task(asyncio.to_thread(_write_pngs, picture, self.out, number))
@@ -163,8 +166,12 @@ class Headset:
             f"video frames {self.frames[0]} to {self.frames[-1]}\n"
             f"latency, pose sent to picture received: p50 {p50:.1f}, p95 {p95:.1f}, p99 {p99:.1f} ms\n"
             f"rendering, medians: {', '.join(f'{n} {ms:.1f}' for n, ms in medians.items())} ms; "
-            f"holes before filling: {100 * float(np.median(self.holes)):.2f} %"
+            f"holes before filling: {100 * float(np.median(self.holes)):.2f} %" + self._rungs()
         )
+
+    def _rungs(self) -> str:
+        chosen = [f"{rung} {count}" for rung, count in self.rungs.most_common() if rung]
+        return f"\npictures on the rungs of the server's ladder: {'; '.join(chosen)}" if chosen else ""
 
 
 def _write_pngs(picture: Stereo, folder: Path, number: int) -> None:

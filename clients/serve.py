@@ -61,6 +61,10 @@ def command(
     ] = None,
     jpeg_quality: Annotated[int | None, typer.Option(help="1 to 100.")] = None,
     background: Annotated[bool | None, typer.Option(help="Build and render the background model.")] = None,
+    target_fps: Annotated[
+        float | None,
+        typer.Option(help="Hold this many pairs a second: quality changes with the load, up to --quality at best."),
+    ] = None,
     max_viewers: Annotated[int | None, typer.Option(help="Viewers at a time.")] = None,
     log_level: Annotated[str | None, typer.Option(help="warning, info, debug ...")] = None,
 ) -> None:
@@ -77,6 +81,7 @@ def command(
         output_scale=output_scale,
         jpeg_quality=jpeg_quality,
         background=background,
+        target_fps=target_fps,
         max_viewers=max_viewers,
         log_level=log_level,
     )

@@ -21,6 +21,8 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 from .camera import Camera, Pose
 from .export_mesh import ColouredMesh
 from .frame import Frame
+from .governor import Governor
+from .settings import Settings
 from .stereo import StereoPicture, StereoView
 from .threads import set_thread_count, thread_count
 from .timing import Activity, Longest, Rate, StallMonitor, Timings
@@ -50,6 +52,9 @@ class Core(Protocol):
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
         """Render the newest frame; in any thread."""
+
+    def retune(self, settings: Settings) -> None:
+        """Render from the next picture on as these settings say; in any thread."""
 
     def mesh(self) -> ColouredMesh:
         """The background model; in any thread."""
@@ -131,7 +136,7 @@ class LiveViewer(Generic[Tag]):
             wanted, self._wanted = self._wanted, None
             start = time.monotonic()
             data, stages = await self._live.in_front_end(self._render, core, wanted, finish)
-            self._live.rendered(stages, start)
+            self._live.rendered(self.name, stages, start)
             self.rendered += 1
             self.rate.count()
             await send(data)
@@ -168,8 +173,10 @@ def _leave_a_core() -> None:
 class Live(AbstractAsyncContextManager["Live"]):
     """Owns the core, its threads and its tasks; used as an async context manager."""
 
-    def __init__(self, make_core: Callable[[Source], Core], *, render_workers: int = 2) -> None:
-        self._make_core = make_core
+    def __init__(
+        self, make_core: Callable[[Source], Core], *, render_workers: int = 2, governor: Governor | None = None
+    ) -> None:
+        self._make_core, self.governor = make_core, governor
         self._back_end = ThreadPoolExecutor(1, "farside-back-end", initializer=_leave_a_core)
         self._front_end = ThreadPoolExecutor(render_workers, "farside-front-end")
         self._exports = ThreadPoolExecutor(1, "farside-export")
@@ -210,6 +217,7 @@ class Live(AbstractAsyncContextManager["Live"]):
             loop = asyncio.get_running_loop()
             self._core = await loop.run_in_executor(self._back_end, self._make_core, source)
             self.shown, self._core_status = None, {}
+            self._retune()
         self.source = source
         self._wake_viewers()
 
@@ -289,13 +297,22 @@ class Live(AbstractAsyncContextManager["Live"]):
         """Run work in a render thread."""
         return await asyncio.get_running_loop().run_in_executor(self._front_end, work, *arguments)
 
-    def rendered(self, stages: Mapping[str, float], start: float) -> None:
-        """Account for a stereo picture that was asked for at a moment of the monotonic clock."""
+    def rendered(self, viewer: str, stages: Mapping[str, float], start: float) -> None:
+        """Account for a viewer's stereo picture that was asked for at a moment of the monotonic clock."""
         self.timings.add(stages, "render.")
         self.picture_rate.count()
-        took, updating = 1e3 * (time.monotonic() - start), self._updates.since(start)
+        now, updating = time.monotonic(), self._updates.since(start)
+        took = 1e3 * (now - start)
+        if self.governor is not None and self.governor.observe(viewer, now - start, now):
+            self._retune()
         self.timings.add({"picture_during_update" if updating else "picture": took})
         (self._longest_in_update if updating else self._longest_picture).add(took)
+
+    def _retune(self) -> None:
+        """Render on the governor's rung: the core that is shown, and the one that is to be."""
+        if self.governor is not None:
+            for core in filter(None, (self.shown, self._core)):
+                core.retune(self.governor.rung.settings)
 
     async def mesh(self, convert: Callable[[ColouredMesh], bytes]) -> bytes:
         """The background model, converted, in a thread of its own; ValueError before the first frame."""
@@ -326,6 +343,7 @@ class Live(AbstractAsyncContextManager["Live"]):
                 "longest_picture_during_update_ms": self._longest_in_update.over(seconds),
             },
             "engine": self._core_status,
+            "governor": self.governor and self.governor.status(time.monotonic()),
         }
 
 

@@ -31,7 +31,8 @@ def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | N
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        live = Live(make_core or _engine_maker(settings), render_workers=settings.render_workers)
+        maker, workers = make_core or _engine_maker(settings), settings.render_workers
+        live = Live(maker, render_workers=workers, governor=settings.governor())
         async with live:
             app.state.service = Service(live, settings)
             yield

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from farside.engine.camera import Perspective, Pose
+from farside.engine.governor import Rung
 from farside.engine.live import HeadPose, LiveViewer, Source
 from farside.engine.stereo import StereoPicture, StereoView, home_pose
 from starlette.websockets import WebSocket
@@ -36,9 +37,8 @@ async def serve_viewer(socket: WebSocket, service: Service) -> None:
             raise ProtocolError(CloseCode.BUSY, "viewers", service.live.viewer_count, f"fewer than {limit}")
         with service.live.viewer(client, _view_of(hello)) as viewer:
             await service.welcome(socket, client)
-            quality = service.settings.engine().jpeg_quality
             pictures = viewer.run(
-                lambda wanted, picture: _finish(hello, viewer, quality, wanted, picture),
+                lambda wanted, picture: _finish(hello, viewer, service.rung, wanted, picture),
                 socket.send_bytes,
                 lambda source: send(socket, _scene(hello.axes, source)),
             )
@@ -67,13 +67,13 @@ async def _receive_poses(socket: WebSocket, viewer: LiveViewer[PoseUpdate], axes
 def _finish(
     hello: ViewerHello,
     viewer: LiveViewer[PoseUpdate],
-    quality: int,
+    rung: Rung,
     wanted: HeadPose[PoseUpdate],
     picture: StereoPicture,
 ) -> bytes:
     """The message of a picture; in the render thread."""
     left, right = (
-        encode_texture(eye.texture, hello.encoding, quality) for eye in (picture.left, picture.right)
+        encode_texture(eye.texture, hello.encoding, rung.settings.jpeg_quality) for eye in (picture.left, picture.right)
     )
     pose, (height, width) = wanted.tag, picture.left.texture.y.shape
     return encode(
@@ -90,6 +90,7 @@ def _finish(
             picture.stages,
             picture.holes,
             viewer.dropped,
+            rung.name,
         )
     )
 

@@ -408,6 +408,7 @@ class Stereo:
     stages: Mapping[str, float]  # milliseconds
     holes: float  # fraction of the pixels that nothing covered before filling
     dropped: int  # this viewer's poses overtaken so far
+    rung: str = ""  # of the governor's ladder, where a frame rate is held
 
     def _fields(self) -> dict[str, Any]:
         fields = {name: getattr(self, name) for name in self.__slots__}
@@ -433,6 +434,7 @@ class Stereo:
             {name: stages.number(name) for name in reader.scalars("stages")},
             reader.number("holes", 0.0, 1.0),
             reader.integer("dropped", 0, MAX_COUNT),
+            reader.text("rung") if reader.has("rung") else "",
         )
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, TypeVar
 
+from farside.engine.governor import Rung
 from farside.engine.live import Live
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
@@ -71,6 +72,12 @@ class Service:
         settings = dataclasses.asdict(self.settings.engine())
         limit = self.settings.max_message_bytes
         await send(socket, Welcome(self.session, client, settings, CREDITS, limit))
+
+    @property
+    def rung(self) -> Rung:
+        """How pictures are rendered and encoded now; without a name where no frame rate is held."""
+        governor = self.live.governor
+        return governor.rung if governor else Rung("", 1.0, self.settings.engine())
 
     def status(self, seconds: float = math.inf) -> dict[str, Any]:
         """Figures for people and monitors; the longest stalls and pictures of the last so many seconds."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from farside.engine.governor import Governor, make_ladder
 from farside.engine.settings import Settings
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -29,6 +30,7 @@ class ServerSettings(BaseSettings):
     output_scale: float | None = Field(None, ge=0.05, le=4.0)
     background: bool = True
     jpeg_quality: int | None = Field(None, ge=1, le=100)
+    target_fps: float | None = Field(None, gt=0, le=1000)  # None: pictures are what they are, as fast as it goes
     render_workers: int = Field(2, ge=1, le=64)
     max_viewers: int = Field(8, ge=1)
     max_message_bytes: int = Field(MAX_MESSAGE_BYTES, ge=1 << 16)
@@ -38,6 +40,15 @@ class ServerSettings(BaseSettings):
 
     def engine(self) -> Settings:
         """The engine's settings: the quality's preset with what was given on top."""
+        return Settings.preset(self.quality, **self._given())
+
+    def governor(self) -> Governor | None:
+        """What holds the frame rate that was asked for: the quality is the best that it chooses."""
+        if self.target_fps is None:
+            return None
+        return Governor(make_ladder(self.quality, **self._given()), self.target_fps)
+
+    def _given(self) -> dict[str, object]:
         given = {
             "n_render": self.views,
             "n_init": self.init,
@@ -47,4 +58,4 @@ class ServerSettings(BaseSettings):
             "jpeg_quality": self.jpeg_quality,
             "background": self.background,
         }
-        return Settings.preset(self.quality, **{k: v for k, v in given.items() if v is not None})
+        return {name: value for name, value in given.items() if value is not None}

@@ -13,6 +13,7 @@ from farside.engine.depth import DepthCoding
 from farside.engine.export_mesh import ColouredMesh
 from farside.engine.frame import Frame, Texture, View
 from farside.engine.live import Source
+from farside.engine.settings import Settings
 from farside.engine.stereo import StereoView
 
 __all__ = ["CAMERAS", "FakeCore", "a_frame", "a_view", "flat"]
@@ -97,6 +98,7 @@ class FakeCore:
     rendered: list[StereoView] = field(default_factory=list)
     bad_frames: set[int] = field(default_factory=set)
     fail_render: bool = False
+    settings: Settings | None = None
     updating: Gate = field(default_factory=Gate)
     rendering: Gate = field(default_factory=Gate)
 
@@ -116,6 +118,9 @@ class FakeCore:
         luma = 64 + 8 * self.updates[-1]
         left, right = (Eye(flat(eye.width, eye.height, luma)) for eye in (view.left, view.right))
         return StereoPair(left, right, self.updates[-1])
+
+    def retune(self, settings: Settings) -> None:
+        self.settings = settings
 
     def mesh(self) -> ColouredMesh:
         vertices = np.array([[1.0, 0, 0], [1, 1, 0], [1, 0, 1]])

@@ -75,7 +75,8 @@ function account(stereo) {
   const rate = (state.times.length - 1) / Math.max(1e-3, (now - state.times[0]) / 1000);
   const stages = Object.entries(stereo.stages).map(([name, ms]) => `${name} ${ms.toFixed(0)}`).join(" ");
   element("figures").textContent = `${state.scene.name}, frame ${stereo.frame}: ${rate.toFixed(1)} pictures a second, `
-    + `latency ${state.latency.toFixed(0)} ms (${stages}), holes ${(100 * stereo.holes).toFixed(1)} %`;
+    + `latency ${state.latency.toFixed(0)} ms (${stages}), holes ${(100 * stereo.holes).toFixed(1)} %`
+    + (stereo.rung ? `, ${stereo.rung}` : "");
   say("");
 }
 
