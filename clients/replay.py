@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal, NoReturn
+from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
+import numpy as np
 import typer
+from farside.engine.camera import Camera
+from farside.engine.frame import View
+from farside.engine.frame_buffers import Planes, open_buffer
 from farside.engine.tmiv import Sequence, open_sequence, playback_index
 from farside.server.pictures import encode_view
-from farside.server.protocol import FrameDone, SourceHello, encode
+from farside.server.protocol import BufferFree, FrameDone, SharedMemory, SourceHello, ViewData, encode
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from .connection import Peer, connect, persist
 
 __all__ = ["Playback", "Replay", "command", "parse_sources"]
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,62 +58,103 @@ class Replay:
     number: int = 0  # of the next frame
     skipped: int = 0  # frames not sent, to keep the rate
     outcomes: Counter[str] = field(default_factory=Counter)
+    shared: bool = False  # whether frames go through the server's memory
 
     async def run(self, url: str) -> None:
         """Connect and send to the end; raises RefusedError or ConnectionError."""
         p = self.playback
         cameras = tuple(p.sequence.camera(name) for name in p.sources)
-        hello = SourceHello(p.sequence.name, p.rate, cameras, p.token)
+        raw = p.texture == p.depth == "raw"  # a server on the same machine then takes them without sending
+        hello = SourceHello(p.sequence.name, p.rate, cameras, p.token, shares=raw)
         async with connect(url, hello) as (peer, welcome):
-            window = asyncio.Semaphore(1 if p.every_frame else welcome.credits)
-            settling = asyncio.create_task(self._settle(peer, window))
+            session = _Session(peer, 1 if p.every_frame else welcome.credits, _open_buffers(welcome.memory, cameras))
+            self.shared = session.buffers is not None
+            settling = asyncio.create_task(self._settle(session))
             try:
-                await self._send_frames(peer, window, settling)
+                await self._send_frames(session, settling)
             finally:
                 settling.cancel()
                 await asyncio.gather(settling, return_exceptions=True)
 
-    async def _send_frames(
-        self, peer: Peer, window: asyncio.Semaphore, settling: asyncio.Task[NoReturn]
-    ) -> None:
+    async def _send_frames(self, session: _Session, settling: asyncio.Task[NoReturn]) -> None:
         p, loop = self.playback, asyncio.get_running_loop()
         start = loop.time() - self.number / p.rate
         while p.total is None or self.number < p.total:
-            await _unless_failed(window.acquire(), settling)
+            await _unless_failed(session.window.acquire(), settling)
+            buffer = await _unless_failed(session.free.get(), settling) if session.buffers else None
             await asyncio.sleep(start + self.number / p.rate - loop.time())
             late = 0 if p.every_frame else int((loop.time() - start) * p.rate) - self.number
             if late > 0 and (p.total is None or self.number + late < p.total):
                 self.skipped += late
                 self.number += late
-            await self._send_frame(peer, self.number)
+            await self._send_frame(session, self.number, buffer)
             self.number += 1
-        for _ in range(1 if p.every_frame else 3):  # what is still under way
-            await _unless_failed(window.acquire(), settling)
+        for _ in range(session.credits):  # what is still under way
+            await _unless_failed(session.window.acquire(), settling)
 
-    async def _send_frame(self, peer: Peer, number: int) -> None:
+    async def _send_frame(self, session: _Session, number: int, buffer: int | None) -> None:
         for name in self.playback.sources:
-            await peer.send_bytes(await asyncio.to_thread(self._message, name, number))
+            if session.buffers and buffer is not None:
+                planes = session.buffers[buffer][name]
+                await session.peer.send(await asyncio.to_thread(self._write, name, number, buffer, planes))
+            else:
+                await session.peer.send_bytes(await asyncio.to_thread(self._message, name, number))
+
+    def _view(self, name: str, number: int) -> View:
+        sequence = self.playback.sequence
+        return sequence.view(name, playback_index(number, sequence.frame_count))
 
     def _message(self, name: str, number: int) -> bytes:
         p = self.playback
-        view = p.sequence.view(name, playback_index(number, p.sequence.frame_count))
-        return encode(encode_view(view, number, texture=p.texture, depth=p.depth))
+        return encode(encode_view(self._view(name, number), number, texture=p.texture, depth=p.depth))
 
-    async def _settle(self, peer: Peer, window: asyncio.Semaphore) -> NoReturn:
+    def _write(self, name: str, number: int, buffer: int, planes: Planes) -> ViewData:
+        """Puts a view where the server reads it; the message that says so."""
+        view = self._view(name, number)
+        for plane in ("y", "cb", "cr"):
+            np.copyto(getattr(planes.texture, plane), getattr(view.texture, plane))
+        np.copyto(planes.codes, view.codes)
+        camera = view.camera
+        return ViewData(number, name, camera.width, camera.height, None, None, camera.pose, buffer)
+
+    async def _settle(self, session: _Session) -> NoReturn:
         while True:
-            done = await peer.receive(FrameDone)
-            self.outcomes[done.outcome] += 1
-            window.release()
-            self.progress(self)
+            message = await session.peer.receive(FrameDone, BufferFree)
+            if isinstance(message, BufferFree):
+                session.free.put_nowait(message.number)
+            elif isinstance(message, FrameDone):
+                self.outcomes[message.outcome] += 1
+                session.window.release()
+                self.progress(self)
 
 
-async def _unless_failed(waiting: Awaitable[object], task: asyncio.Task[NoReturn]) -> None:
+class _Session:
+    """One connection: how many frames may be under way, and the server's memory where it is shared."""
+
+    def __init__(self, peer: Peer, credits: int, buffers: list[dict[str, Planes]] | None) -> None:
+        self.peer, self.credits, self.buffers = peer, credits, buffers
+        self.window = asyncio.Semaphore(credits)
+        self.free: asyncio.Queue[int] = asyncio.Queue()
+
+
+def _open_buffers(memory: SharedMemory | None, cameras: tuple[Camera, ...]) -> list[dict[str, Planes]] | None:
+    """The server's buffers; None where it does not offer them, or they cannot be seen from here (a container)."""
+    if memory is None:
+        return None
+    try:
+        return [open_buffer(memory.process, file, memory.name, cameras) for file in memory.files]
+    except OSError:
+        return None
+
+
+async def _unless_failed(waiting: Coroutine[Any, Any, T], task: asyncio.Task[NoReturn]) -> T:
     """Await something, or the failure of a task that runs beside it."""
     other = asyncio.ensure_future(waiting)
     try:
         await asyncio.wait((other, task), return_when=asyncio.FIRST_COMPLETED)
         if task.done():
             task.result()
+        return other.result()
     finally:
         other.cancel()
 

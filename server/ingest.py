@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import asyncio
+import ipaddress
+import os
 import time
-from collections.abc import Mapping
 from typing import NoReturn
 
 from farside.engine.back_buffer import BackBuffer, OrderError
-from farside.engine.camera import Camera
-from farside.engine.frame import Frame, View
+from farside.engine.frame import Frame
+from farside.engine.frame_buffers import FrameBuffer, FrameBuffers
 from farside.engine.live import Source
 from starlette.websockets import WebSocket
 
 from .pictures import decode_view
-from .protocol import CloseCode, FrameDone, ProtocolError, SourceHello, ViewData, decode
+from .protocol import BufferFree, CloseCode, FrameDone, ProtocolError, SharedMemory, SourceHello, ViewData, decode
 from .service import CREDITS, Service, conversation, race, receive, send
 
 __all__ = ["serve_source"]
+
+BUFFERS = CREDITS + 1  # frames in memory: the one that is shown, and those that a source may have unsettled
 
 
 async def serve_source(socket: WebSocket, service: Service) -> None:
@@ -29,9 +32,12 @@ async def serve_source(socket: WebSocket, service: Service) -> None:
         service.source_client = client
         try:
             await _open(service, hello)
-            await service.welcome(socket, client)
-            ingest = _Ingest(service, socket, hello.cameras)
-            await race(ingest.receive(), ingest.report())
+            ingest = _Ingest(service, socket, hello)
+            try:
+                await service.welcome(socket, client, ingest.memory)
+                await race(ingest.receive(), ingest.grant(), ingest.report())
+            finally:
+                ingest.close()
         finally:
             service.source_client = None
 
@@ -44,34 +50,87 @@ async def _open(service: Service, hello: SourceHello) -> None:
 
 
 class _Ingest:
-    """Reads views, offers complete frames, reports what became of them."""
+    """Reads views into buffers, offers complete frames, reports what became of them.
 
-    def __init__(self, service: Service, socket: WebSocket, cameras: tuple[Camera, ...]) -> None:
+    A buffer that nobody reads any more is granted to the source: one that shares memory is told, and says which it has
+    filled; the frames of another are put into them as they come.
+    """
+
+    def __init__(self, service: Service, socket: WebSocket, hello: SourceHello) -> None:
         self._live, self._socket = service.live, socket
-        self._cameras = {camera.name: camera for camera in cameras}
+        self._cameras = {camera.name: camera for camera in hello.cameras}
         self._back_buffer = BackBuffer(list(self._cameras))
+        self._freed, self._granted_one = asyncio.Event(), asyncio.Event()
+        loop, name = asyncio.get_running_loop(), f"farside-{service.session}"
+        self._buffers = FrameBuffers(hello.cameras, BUFFERS, name, lambda: _wake(loop, self._freed))
+        self._granted: dict[int, FrameBuffer] = {}
+        self._arriving: FrameBuffer | None = None
         self._settled: asyncio.Queue[tuple[int, asyncio.Future[bool]]] = asyncio.Queue()
         self._credits = asyncio.Semaphore(CREDITS)  # a source that ignores its credits is read no further
+        shares = hello.shares and _on_this_machine(socket)
+        self.memory = SharedMemory(os.getpid(), name, tuple(self._buffers.files)) if shares else None
+
+    def close(self) -> None:
+        """Lets go of the buffers that nobody reads."""
+        self._buffers.close()
+        self._granted.clear()
+        self._arriving = None
+
+    async def grant(self) -> NoReturn:
+        """Give the source every buffer that is free."""
+        while True:
+            while (buffer := self._buffers.take()) is not None:
+                number = buffer.number
+                self._granted[number] = buffer
+                del buffer  # it would never be free again
+                self._granted_one.set()
+                if self.memory is not None:
+                    await send(self._socket, BufferFree(number))
+            await self._freed.wait()
+            self._freed.clear()
 
     async def receive(self) -> NoReturn:
+        """Read views and offer every frame that is complete."""
         while True:
-            data = await receive(self._socket)
-            start = time.perf_counter()
-            index, view = await asyncio.to_thread(_decode, data, self._cameras)
-            self._live.timings.add({"ingest": 1e3 * (time.perf_counter() - start)})
-            try:
-                frame = self._back_buffer.add(index, view)
-            except OrderError as error:
-                raise ProtocolError(CloseCode.ORDER, error.field, error.value, error.expected) from error
-            if frame is not None:
-                await self._credits.acquire()
-                self._offer(frame)
+            await self._take(await receive(self._socket))
+
+    async def _take(self, data: bytes) -> None:
+        start = time.perf_counter()
+        message = await asyncio.to_thread(decode, data, ViewData)
+        if self._arriving is None:
+            self._arriving = await self._granted_for(message)
+        elif message.buffer not in (None, self._arriving.number):
+            expected = f"{self._arriving.number} for all of a frame"
+            raise ProtocolError(CloseCode.ORDER, "buffer", message.buffer, expected)
+        view = await asyncio.to_thread(decode_view, message, self._cameras, self._arriving.planes)
+        self._live.timings.add({"ingest": 1e3 * (time.perf_counter() - start)})
+        try:
+            frame = self._back_buffer.add(message.frame, view)
+        except OrderError as error:
+            raise ProtocolError(CloseCode.ORDER, error.field, error.value, error.expected) from error
+        if frame is not None:
+            self._arriving = None
+            await self._credits.acquire()
+            self._offer(frame)
+
+    async def _granted_for(self, message: ViewData) -> FrameBuffer:
+        """The buffer of a frame that begins."""
+        if message.buffer is not None:
+            if self.memory is None or message.buffer not in self._granted:
+                expected = "one of those given: " + ", ".join(map(str, self._granted)) if self.memory else "none"
+                raise ProtocolError(CloseCode.ORDER, "buffer", message.buffer, expected)
+            return self._granted.pop(message.buffer)
+        while not self._granted:
+            self._granted_one.clear()
+            await self._granted_one.wait()
+        return self._granted.pop(next(iter(self._granted)))
 
     def _offer(self, frame: Frame) -> None:
-        settled = self._live.offer(frame)
-        settled.add_done_callback(lambda future: self._settled.put_nowait((frame.index, future)))
+        settled, index = self._live.offer(frame), frame.index
+        settled.add_done_callback(lambda future: self._settled.put_nowait((index, future)))
 
     async def report(self) -> NoReturn:
+        """Tell the source what became of its frames."""
         while True:
             index, settled = await self._settled.get()
             if settled.cancelled() or settled.exception() is not None:
@@ -81,6 +140,13 @@ class _Ingest:
             self._credits.release()
 
 
-def _decode(data: bytes, cameras: Mapping[str, Camera]) -> tuple[int, View]:
-    message = decode(data, ViewData)
-    return message.frame, decode_view(message, cameras)
+def _wake(loop: asyncio.AbstractEventLoop, event: asyncio.Event) -> None:
+    loop.call_soon_threadsafe(event.set)
+
+
+def _on_this_machine(socket: WebSocket) -> bool:
+    """Whether the peer's address is a loopback address."""
+    try:
+        return socket.client is not None and ipaddress.ip_address(socket.client.host).is_loopback
+    except ValueError:
+        return False

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 from farside.engine import colour
 from farside.engine.camera import Camera
 from farside.engine.frame import Texture, View
+from farside.engine.frame_buffers import Planes
 
 from .protocol import CloseCode, DepthData, Picture, ProtocolError, ViewData
 
 __all__ = ["decode_depth", "decode_texture", "decode_view", "encode_depth", "encode_texture", "encode_view"]
 
 Codes = npt.NDArray[np.uint16]
+_MAX_TEXTURE_CODE = 1023
 
 
 def encode_texture(texture: Texture, encoding: str, quality: int = 90) -> Picture:
@@ -34,13 +37,9 @@ def decode_texture(picture: Picture, height: int, width: int, name: str = "textu
         except ValueError as error:
             _, value, expected = str(error).split(": ", 2)
             raise ProtocolError(CloseCode.SIZE, name, value, expected.removeprefix("expected ")) from error
-    chroma = (height + 1) // 2, (width + 1) // 2
-    shapes = {"y": (height, width), "cb": chroma, "cr": chroma}
-    planes = (
-        _array(plane, shape, f"{name}.{field}", 1023)
-        for plane, (field, shape) in zip(picture.planes, shapes.items(), strict=True)
-    )
-    return Texture(*planes)
+    texture = colour.empty_texture(height, width)
+    _take_planes(picture.planes, texture, name)
+    return texture
 
 
 def encode_depth(codes: Codes, encoding: str) -> DepthData:
@@ -52,10 +51,10 @@ def encode_depth(codes: Codes, encoding: str) -> DepthData:
     return DepthData(encoding, zlib.compress(low_high.tobytes(), 1))
 
 
-def decode_depth(depth: DepthData, height: int, width: int, max_code: int = 0xFFFF) -> Codes:
-    """The codes (uint16 [h, w]) in a message; raises ProtocolError."""
+def decode_depth(depth: DepthData, height: int, width: int) -> Codes:
+    """The codes (uint16 [h, w]) in a message, whatever they may be; raises ProtocolError."""
     if depth.encoding == "raw":
-        return _array(depth.data, (height, width), "depth.data", max_code)
+        return _plane(depth.data, (height, width), "depth.data")
     expected = 2 * height * width
     inflate = zlib.decompressobj()
     try:
@@ -68,7 +67,7 @@ def decode_depth(depth: DepthData, height: int, width: int, max_code: int = 0xFF
     low, high = np.frombuffer(planes, np.uint8).reshape(2, height, width)
     differences = low.astype(np.uint16) | (high.astype(np.uint16) << 8)
     codes: Codes = np.cumsum(differences, axis=1, dtype=np.uint16)  # modulo 2^16, as the differences are
-    return _in_range(codes, "depth.data", max_code)
+    return codes
 
 
 def encode_view(
@@ -80,8 +79,11 @@ def encode_view(
     return ViewData(frame, camera.name, camera.width, camera.height, picture, codes, camera.pose)
 
 
-def decode_view(message: ViewData, cameras: Mapping[str, Camera]) -> View:
-    """The view in a message of one of the announced cameras; raises ProtocolError."""
+def decode_view(message: ViewData, cameras: Mapping[str, Camera], memory: Mapping[str, Planes]) -> View:
+    """The view in a message of one of the announced cameras, in the memory for it; raises ProtocolError.
+
+    Texture and depth that did not come along are there already.
+    """
     camera = cameras.get(message.camera)
     if camera is None:
         raise ProtocolError(CloseCode.CAMERA, "camera", message.camera, "one of " + ", ".join(cameras))
@@ -92,27 +94,50 @@ def decode_view(message: ViewData, cameras: Mapping[str, Camera]) -> View:
         raise ProtocolError(CloseCode.SIZE, "resolution", value, expected)
     if message.pose is not None:
         camera = dataclasses.replace(camera, pose=message.pose)
-    texture = decode_texture(message.texture, camera.height, camera.width)
-    return View(
-        camera, texture, decode_depth(message.depth, camera.height, camera.width, camera.depth.max_code)
-    )
+    texture, codes = memory[camera.name]
+    _take_texture(message.texture, texture)
+    _take_depth(message.depth, codes, camera.depth.max_code)
+    return View(camera, texture, codes)
+
+
+def _take_texture(picture: Picture | None, texture: Texture) -> None:
+    if picture is None or picture.encoding == "raw":
+        _take_planes(picture.planes if picture else None, texture, "texture")
+        return
+    decoded = decode_texture(picture, *texture.y.shape)
+    for name in ("y", "cb", "cr"):
+        np.copyto(getattr(texture, name), getattr(decoded, name))
+
+
+def _take_planes(data: Sequence[bytes] | None, texture: Texture, name: str) -> None:
+    """Checks what is in the texture's planes; data: what is to be put there first."""
+    for number, field in enumerate(("y", "cb", "cr")):
+        plane = getattr(texture, field)
+        if data is not None:
+            np.copyto(plane, _plane(data[number], plane.shape, f"{name}.{field}"))
+        _check_range(plane, f"{name}.{field}", _MAX_TEXTURE_CODE)
+
+
+def _take_depth(depth: DepthData | None, codes: Codes, max_code: int) -> None:
+    if depth is not None:
+        np.copyto(codes, decode_depth(depth, *codes.shape))
+    _check_range(codes, "depth.data", max_code)
 
 
 def _bytes(plane: Codes) -> bytes:
     return np.ascontiguousarray(plane, "<u2").tobytes()
 
 
-def _array(data: bytes, shape: tuple[int, int], name: str, largest: int) -> Codes:
-    expected = 2 * shape[0] * shape[1]
+def _plane(data: bytes, shape: tuple[int, ...], name: str) -> Codes:
+    """The plane as it lies in the data."""
+    expected = 2 * math.prod(shape)
     if len(data) != expected:
         raise ProtocolError(
             CloseCode.SIZE, name, f"{len(data)} bytes", f"{expected} for {shape[1]}x{shape[0]}"
         )
-    # A copy: kernels want memory that is theirs, aligned and writable.
-    return _in_range(np.frombuffer(data, "<u2").reshape(shape).astype(np.uint16), name, largest)
+    return np.frombuffer(data, "<u2").reshape(shape)
 
 
-def _in_range(codes: Codes, name: str, largest: int) -> Codes:
+def _check_range(codes: Codes, name: str, largest: int) -> None:
     if largest < 0xFFFF and (highest := int(codes.max())) > largest:
         raise ProtocolError(CloseCode.VALUE, name, highest, f"codes of at most {largest}")
-    return codes

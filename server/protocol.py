@@ -22,6 +22,7 @@ __all__ = [
     "MAX_CONTROL_BYTES",
     "MAX_MESSAGE_BYTES",
     "VERSION",
+    "BufferFree",
     "CloseCode",
     "DepthData",
     "Error",
@@ -31,6 +32,7 @@ __all__ = [
     "PoseUpdate",
     "ProtocolError",
     "Scene",
+    "SharedMemory",
     "SourceHello",
     "Stereo",
     "Tangents",
@@ -50,6 +52,7 @@ MAX_CONTROL_BYTES = 64 << 10  # everything a viewer sends
 MAX_CAMERAS = 256
 MAX_EYE_PX = 4096
 MAX_VIEW_PX = 8192
+MAX_BUFFERS = 100
 MAX_COUNT = 1 << 53  # what a double, hence JavaScript, still counts exactly
 
 AXES = ("omaf", "openxr")
@@ -234,6 +237,7 @@ class SourceHello:
     fps: float
     cameras: tuple[Camera, ...]
     token: str = ""
+    shares: bool = False  # it can write into memory of a server on the same machine
 
     def _fields(self) -> dict[str, Any]:
         return {
@@ -243,6 +247,7 @@ class SourceHello:
             "name": self.name,
             "fps": self.fps,
             "cameras": [_camera_fields(camera) for camera in self.cameras],
+            "shares": self.shares,
         }
 
     @classmethod
@@ -252,6 +257,32 @@ class SourceHello:
             reader.number("fps", 0.01, 1000.0),
             _read_cameras(reader),
             reader.text("token") if reader.has("token") else "",
+            reader.flag("shares") if reader.has("shares") else False,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SharedMemory:
+    """Memory of the server that a source on the same machine may write frames into.
+
+    Buffer k is what the server's process has open as descriptor `files[k]`; /proc calls it memfd:`name`.
+    """
+
+    process: int
+    name: str
+    files: tuple[int, ...]
+
+    def _fields(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in self.__slots__}
+
+    @classmethod
+    def _read(cls, reader: Reader) -> Self:
+        files = reader.items("files", 1, MAX_BUFFERS)
+        numbers = Reader(dict(zip(map(str, range(len(files))), files, strict=True)), "memory.files")
+        return cls(
+            reader.integer("process", 1, MAX_COUNT),
+            reader.text("name"),
+            tuple(numbers.integer(str(k), 0, MAX_COUNT) for k in range(len(files))),
         )
 
 
@@ -265,9 +296,11 @@ class Welcome:
     settings: dict[str, Any]  # the engine's
     credits: int  # frames that a source may have unsettled
     max_message: int  # bytes
+    memory: SharedMemory | None = None  # for a source that shares
 
     def _fields(self) -> dict[str, Any]:
-        return {"version": VERSION, **{name: getattr(self, name) for name in self.__slots__}}
+        fields = {name: getattr(self, name) for name in self.__slots__}
+        return {"version": VERSION, **fields, "memory": self.memory and self.memory._fields()}
 
     @classmethod
     def _read(cls, reader: Reader) -> Self:
@@ -278,6 +311,7 @@ class Welcome:
             reader.scalars("settings"),
             reader.integer("credits", 1, 1000),
             reader.integer("max_message", 1, MAX_COUNT),
+            SharedMemory._read(reader.child("memory")) if reader.has("memory") else None,
         )
 
 
@@ -307,17 +341,36 @@ class Scene:
 
 
 @dataclass(frozen=True, slots=True)
+class BufferFree:
+    """A buffer of the shared memory may be written, once, with the next frame that the source likes."""
+
+    TYPE: ClassVar[str] = "buffer"
+    number: int
+
+    def _fields(self) -> dict[str, Any]:
+        return {"number": self.number}
+
+    @classmethod
+    def _read(cls, reader: Reader) -> Self:
+        return cls(reader.integer("number", 0, MAX_BUFFERS))
+
+
+@dataclass(frozen=True, slots=True)
 class ViewData:
-    """One camera's texture and depth of one frame; `pose` where the camera moves (OMAF axes)."""
+    """One camera's texture and depth of one frame; `pose` where the camera moves (OMAF axes).
+
+    Texture and depth come along, or lie in shared memory already, in the buffer of the frame.
+    """
 
     TYPE: ClassVar[str] = "view"
     frame: int
     camera: str
     width: int
     height: int
-    texture: Picture
-    depth: DepthData
+    texture: Picture | None
+    depth: DepthData | None
     pose: Pose | None = None
+    buffer: int | None = None
 
     def _fields(self) -> dict[str, Any]:
         pose = self.pose
@@ -326,22 +379,25 @@ class ViewData:
             "camera": self.camera,
             "width": self.width,
             "height": self.height,
-            "texture": self.texture._fields(),
-            "depth": self.depth._fields(),
+            "texture": self.texture and self.texture._fields(),
+            "depth": self.depth and self.depth._fields(),
             "pose": pose and {"position": pose.position, "orientation": pose.orientation},
+            "buffer": self.buffer,
         }
 
     @classmethod
     def _read(cls, reader: Reader) -> Self:
         pose = reader.child("pose") if reader.has("pose") else None
+        buffer = reader.integer("buffer", 0, MAX_BUFFERS) if reader.has("buffer") else None
         return cls(
             reader.integer("frame", 0, MAX_COUNT),
             reader.text("camera", 100),
             reader.integer("width", 1, MAX_VIEW_PX),
             reader.integer("height", 1, MAX_VIEW_PX),
-            Picture._read(reader.child("texture")),
-            DepthData._read(reader.child("depth")),
+            Picture._read(reader.child("texture")) if buffer is None else None,
+            DepthData._read(reader.child("depth")) if buffer is None else None,
             Pose(pose.vector("position"), pose.quaternion("orientation")) if pose else None,
+            buffer,
         )
 
 
@@ -466,11 +522,13 @@ class Error:
         )
 
 
-Message = ViewerHello | SourceHello | Welcome | Scene | ViewData | FrameDone | PoseUpdate | Stereo | Error
+Message = (
+    ViewerHello | SourceHello | Welcome | Scene | BufferFree | ViewData | FrameDone | PoseUpdate | Stereo | Error
+)
 M = TypeVar("M", bound=Message)
 _ROLES = {kind.ROLE: kind for kind in (ViewerHello, SourceHello)}
 _TYPES: dict[str, type[Message]] = {
-    kind.TYPE: kind for kind in (Welcome, Scene, ViewData, FrameDone, PoseUpdate, Stereo, Error)
+    kind.TYPE: kind for kind in (Welcome, Scene, BufferFree, ViewData, FrameDone, PoseUpdate, Stereo, Error)
 }
 
 

@@ -24,6 +24,7 @@ from .protocol import (
     Error,
     Message,
     ProtocolError,
+    SharedMemory,
     SourceHello,
     ViewerHello,
     Welcome,
@@ -35,7 +36,7 @@ from .settings import ServerSettings
 __all__ = ["CREDITS", "Service", "conversation", "race", "receive"]
 
 _log = logging.getLogger(__name__)
-CREDITS = 3  # frames of a source: one being taken, one waiting, one arriving
+CREDITS = 2  # frames of a source: one being taken, one arriving or waiting; more would only be overtaken
 Hello = TypeVar("Hello", ViewerHello, SourceHello)
 
 
@@ -67,11 +68,11 @@ class Service:
             raise ProtocolError(CloseCode.TOKEN, "token", "another", "the server's token")
         return f"{kind.ROLE}-{next(self._numbers)}", hello
 
-    async def welcome(self, socket: WebSocket, client: str) -> None:
-        """Answer a hello that was in order."""
+    async def welcome(self, socket: WebSocket, client: str, memory: SharedMemory | None = None) -> None:
+        """Answer a hello that was in order; `memory` is what a source may write into."""
         settings = dataclasses.asdict(self.settings.engine())
         limit = self.settings.max_message_bytes
-        await send(socket, Welcome(self.session, client, settings, CREDITS, limit))
+        await send(socket, Welcome(self.session, client, settings, CREDITS, limit, memory))
 
     @property
     def rung(self) -> Rung:

@@ -76,6 +76,7 @@ def test_a_live_run(sequence: Sequence, tmp_path: Path) -> None:
         status = asyncio.run(scenario(url))
 
     assert replay.outcomes["updated"] >= 2
+    assert replay.shared
     for viewer in (fast, slow):
         assert viewer.frames == sorted(viewer.frames)  # never back in time
         assert len(viewer.frames) >= 2

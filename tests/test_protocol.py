@@ -12,6 +12,7 @@ import pytest
 from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.depth import DepthCoding
 from farside.engine.frame import Texture, View
+from farside.engine.frame_buffers import Planes, frame_bytes, lay_out
 from farside.server import pictures, protocol
 from farside.server.protocol import CloseCode, ProtocolError
 from hypothesis import given, settings
@@ -345,11 +346,15 @@ def a_view(width: int = 9, height: int = 7, bits: int = 16) -> View:
     return View(camera, texture, rng.integers(0, 1 << bits, (height, width), np.uint16))
 
 
+def memory_for(view: View) -> dict[str, Planes]:
+    return lay_out(np.zeros(frame_bytes([view.camera]), np.uint8), [view.camera])
+
+
 @pytest.mark.parametrize("depth", ["raw", "zlib"])
 def test_a_raw_view_is_lossless(depth: str) -> None:
     view = a_view()
     message = protocol.decode(protocol.encode(pictures.encode_view(view, 5, depth=depth)), protocol.ViewData)
-    back = pictures.decode_view(message, {"v0": view.camera})
+    back = pictures.decode_view(message, {"v0": view.camera}, memory_for(view))
     assert message.frame == 5
     assert back.camera == view.camera
     assert np.array_equal(back.codes, view.codes)
@@ -414,5 +419,5 @@ def test_a_view_that_does_not_fit_is_refused(changes: dict[str, Any], code: Clos
     view = a_view(bits=12)
     fields = {name: getattr(pictures.encode_view(view, 0), name) for name in protocol.ViewData.__slots__}
     with pytest.raises(ProtocolError, match=says) as caught:
-        pictures.decode_view(protocol.ViewData(**(fields | changes)), {"v0": view.camera})
+        pictures.decode_view(protocol.ViewData(**(fields | changes)), {"v0": view.camera}, memory_for(view))
     assert caught.value.code == code

@@ -41,6 +41,8 @@ def test_every_close_code_is_listed(code: protocol.CloseCode) -> None:
         protocol.ViewerHello.symmetric(64, 48, 1.0),
         protocol.SourceHello("s", 30.0, CAMERAS),
         protocol.Welcome("s", "c", {}, 3, 1),
+        protocol.SharedMemory(1, "m", (4,)),
+        protocol.BufferFree(0),
         protocol.Scene("s", 30.0, 2, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
         encode_view(a_view(CAMERAS[0]), 0),
         protocol.FrameDone(0, "updated"),

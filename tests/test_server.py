@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import io
 import json
 import re
@@ -10,6 +11,7 @@ import socket
 import urllib.error
 import urllib.request
 from collections.abc import Awaitable, Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import msgpack
@@ -20,11 +22,14 @@ from doubles import CAMERAS, FakeCore, a_view
 from farside.clients.connection import Peer, RefusedError, base_url, connect, persist
 from farside.clients.serve import listen, server_settings
 from farside.engine.camera import Pose
+from farside.engine.frame import Frame
+from farside.engine.frame_buffers import Planes, open_buffer
 from farside.engine.live import Source
 from farside.engine.stereo import home_pose
-from farside.server import protocol
+from farside.server import ingest, protocol
 from farside.server.pictures import decode_texture, encode_view
 from farside.server.protocol import (
+    BufferFree,
     CloseCode,
     FrameDone,
     PoseUpdate,
@@ -462,6 +467,8 @@ def test_a_renderer_that_breaks_is_told_to_its_viewer(url: str, cores: Cores) ->
 
 
 def test_a_source_that_ignores_its_credits_is_slowed_not_queued(url: str, cores: Cores) -> None:
+    """No more than a shown frame, one that is being taken and one that waits are in memory; none of them is lost."""
+
     async def scenario() -> None:
         async with connect(url, SOURCE) as (source, welcome):
             await send_frame(source, 0)
@@ -470,15 +477,151 @@ def test_a_source_that_ignores_its_credits_is_slowed_not_queued(url: str, cores:
             for frame in range(1, 9):
                 for camera in (0, 1):
                     await source.send(view(camera, frame))
-            outcomes = [await source.receive(FrameDone) for _ in range(6)]
-            assert [done.outcome for done in outcomes] == ["dropped"] * 6
+            await asyncio.to_thread(core.updating.entered.wait, HANG_S)
             core.updating.open()
-            outcomes += [await source.receive(FrameDone) for _ in range(2)]
-            assert sorted(done.frame for done in outcomes) == list(range(1, 9))
-            assert core.updates == [0, 1, 8]
-            assert welcome.credits == 3
+            assert [await source.receive(FrameDone) for _ in range(8)] == [FrameDone(k, "updated") for k in range(1, 9)]
+            assert core.updates == list(range(9))
+            assert welcome.credits == 2
 
     run(scenario)
+
+
+# Memory that is shared
+
+
+SHARING = dataclasses.replace(SOURCE, shares=True)
+
+
+def write(planes: dict[str, Planes], luma: int) -> None:
+    for camera in CAMERAS:
+        seen, place = a_view(camera, luma), planes[camera.name]
+        for name in ("y", "cb", "cr"):
+            getattr(place.texture, name)[:] = getattr(seen.texture, name)
+        place.codes[:] = seen.codes
+
+
+def opened(welcome: Welcome) -> list[dict[str, Planes]]:
+    memory = welcome.memory
+    assert memory is not None
+    return [open_buffer(memory.process, file, memory.name, CAMERAS) for file in memory.files]
+
+
+async def all_answers(source: Peer) -> None:
+    while True:
+        await source.receive(FrameDone, BufferFree)
+
+
+def written(number: int, frame: int, buffer: int) -> ViewData:
+    return view(number, frame, texture=None, depth=None, buffer=buffer)
+
+
+def test_a_source_on_the_same_machine_writes_frames_into_the_servers_memory(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More frames than there are buffers; and each is what the core gets."""
+    lumas: list[set[int]] = []
+    original = FakeCore.update
+
+    def update(self: FakeCore, frame: Frame, *others: Any) -> Any:
+        lumas.append({int(code) for seen in frame.views for code in seen.texture.y.flat})
+        assert all((seen.codes == 20000).all() for seen in frame.views)
+        return original(self, frame, *others)
+
+    async def scenario() -> None:
+        async with connect(url, SHARING) as (source, welcome):
+            buffers = opened(welcome)
+            assert len(buffers) == welcome.credits + 1
+            free: list[int] = []
+            for frame in range(2 * len(buffers)):
+                while not free:
+                    free.append((await source.receive(BufferFree)).number)
+                buffer = free.pop()
+                write(buffers[buffer], 100 + frame)
+                for camera in (1, 0):
+                    await source.send(written(camera, frame, buffer))
+                while isinstance(message := await source.receive(FrameDone, BufferFree), BufferFree):
+                    free.append(message.number)
+                assert message == FrameDone(frame, "updated")
+
+    monkeypatch.setattr(FakeCore, "update", update)
+    run(scenario)
+    assert lumas == [{100 + frame} for frame in range(6)]
+
+
+@pytest.mark.parametrize(
+    ("hello", "messages", "code", "says"),
+    [
+        (SOURCE, [written(0, 0, 0)], 4406, "buffer: 0: expected none"),
+        (SHARING, [written(0, 0, 7)], 4406, "buffer: 7: expected one of those given: 0, 1, 2"),
+        (SHARING, [written(0, 0, 0), written(1, 0, 1)], 4406, "buffer: 1: expected 0 for all of a frame"),
+        (SHARING, [written(k, 0, 0) for k in (0, 1)] + [written(0, 1, 0)], 4406, "buffer: 0: expected one of those"),
+        (SHARING, [view(0, 0, texture=None, depth=None)], 4400, "texture: .*expected a map"),
+    ],
+    ids=["not shared", "no such buffer", "two buffers for a frame", "not given again", "neither sent nor shared"],
+)
+def test_what_is_wrong_with_shared_views_is_told(
+    url: str, cores: Cores, hello: SourceHello, messages: list[ViewData], code: int, says: str
+) -> None:
+    async def scenario() -> None:
+        async with connect(url, hello) as (source, welcome):
+            if welcome.memory:
+                for _ in welcome.memory.files:
+                    await source.receive(BufferFree)
+            cores.made[0].updating.close()
+            for message in messages:
+                await source.send(message)
+            with pytest.raises(RefusedError, match=rf"{says}.*code {code}"):
+                await all_answers(source)
+
+    run(scenario)
+
+
+def test_codes_out_of_range_in_shared_memory_are_refused(url: str) -> None:
+    async def scenario() -> None:
+        async with connect(url, SHARING) as (source, welcome):
+            buffer = (await source.receive(BufferFree)).number
+            planes = opened(welcome)[buffer]
+            write(planes, 300)
+            planes["v0"].texture.cr[3, 5] = 1024
+            await source.send(written(0, 0, buffer))
+            with pytest.raises(RefusedError, match=r"texture\.cr: 1024: expected codes of at most 1023"):
+                await all_answers(source)
+
+    run(scenario)
+
+
+def test_a_source_that_shares_may_send_all_the_same(url: str) -> None:
+    async def scenario() -> None:
+        async with connect(url, SHARING) as (source, welcome):
+            assert welcome.memory is not None
+            for frame in range(7):
+                for camera in (0, 1):
+                    await source.send(view(camera, frame))
+                while isinstance(message := await source.receive(FrameDone, BufferFree), BufferFree):
+                    pass
+                assert message == FrameDone(frame, "updated")
+
+    run(scenario)
+
+
+def test_memory_is_offered_to_this_machine_only(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("farside.server.ingest._on_this_machine", lambda socket: False)
+
+    async def scenario() -> None:
+        async with connect(url, SHARING) as (source, welcome):
+            assert welcome.memory is None
+            assert await send_frame(source, 0) == FrameDone(0, "updated")
+
+    run(scenario)
+
+
+@pytest.mark.parametrize(
+    ("address", "here"),
+    [("127.0.0.1", True), ("::1", True), ("192.0.2.7", False), ("testclient", False), (None, False)],
+)
+def test_which_addresses_are_this_machines(address: str | None, here: bool) -> None:
+    client = None if address is None else SimpleNamespace(host=address)
+    assert ingest._on_this_machine(SimpleNamespace(client=client)) is here
 
 
 def test_a_server_that_stops_says_so_and_takes_its_threads_along() -> None:
