@@ -20,6 +20,7 @@ from .export_mesh import ColouredMesh
 from .exposure import Exposure, to_common, to_picture
 from .filling import fill, hole_fraction, rise_per_pixel
 from .frame import Frame
+from .outlines import smooth_outlines
 from .pbi import enlarged, imaginary_camera
 from .prepared import PreparedView, ViewTable, pixels_per_radian
 from .scene import Scene
@@ -299,7 +300,7 @@ class Engine:
                     table = ViewTable(views, None if tones is None else tones[every], drawn=len(chosen))
                     self._shade(canvas, target, table, len(chosen), front.settings)
             with timed(report.stages, "antialias"):
-                if front.settings.antialias and views:
+                if front.settings.antialias == "samples" and views:
                     self._smooth_silhouettes(canvas, camera, front, chosen, backdrop, table)
             with timed(report.stages, "fill"):
                 report.holes_filled = report.holes_backdrop
@@ -312,6 +313,10 @@ class Engine:
                         self._settler.settle(of, camera, front.scene.depths[0], canvas.disparity, canvas.planes)
                     report.holes_filled = 0.0
                 texture = canvas.texture()
+            with timed(report.stages, "antialias"):
+                if front.settings.antialias == "morphological":
+                    edge = front.scene.triangulation(camera, self.settings).edge
+                    texture = smooth_outlines(texture, canvas.disparity, edge)
             return RenderedPicture(camera, texture, canvas.disparity.copy(), canvas.winner.copy(), report)
 
     @staticmethod

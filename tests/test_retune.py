@@ -35,7 +35,7 @@ def engine():
 
 @pytest.mark.parametrize(
     "change",
-    [{"n_render": 1}, {"overdraw": False, "rims": False}, {"antialias": True}, {"fill": "none"}, {"blend": 1}],
+    [{"n_render": 1}, {"overdraw": False, "rims": False}, {"antialias": "samples"}, {"fill": "none"}, {"blend": 1}],
 )
 def test_what_only_rendering_reads_changes_with_the_next_picture(engine, change):
     """The pictures are those of an engine that had these settings from the start; the model is not touched."""

@@ -1,0 +1,139 @@
+"""Morphological anti-aliasing (Reshetov 2009) along silhouettes that a disparity picture shows.
+
+A silhouette between pixels is a staircase. Where a run of it between two rows ends with a step up or down, the outline
+that it stands for crosses the rows: a straight line from half a pixel aside at that end to the run's middle. What the
+line cuts off a pixel takes the colour of the pixel beyond the silhouette. Nothing is drawn again.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["SPAN", "blend_steps", "mark_steps"]
+
+F32 = npt.NDArray[np.float32]
+U8 = npt.NDArray[np.uint8]
+U16 = npt.NDArray[np.uint16]
+Planes = tuple[U16, U16, U16]
+
+SPAN = 64  # pixels of a row that are passed over together where there is no silhouette
+RIGHT = 1  # a silhouette runs between this pixel and its right neighbour
+DOWN = 2
+_SLOPE = np.float32(1.5)  # steps up to so many times the lesser slope beside them belong to a surface
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan"})
+def _mark_row(before: F32, a: F32, b: F32, after: F32, least: float, bit: int, out: U8) -> None:
+    """Set a bit of out [n] where a and b, two of four pixels in line, step by more than slopes beside them explain."""
+    for x in range(out.shape[0]):
+        excess = abs(a[x] - b[x]) - least
+        slope_a, slope_b = _SLOPE * abs(before[x] - a[x]), _SLOPE * abs(b[x] - after[x])
+        out[x] |= bit if (excess > slope_a) | (excess > slope_b) else np.uint8(0)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def mark_steps(disparity: F32, step: float, marks: U8, found: U8) -> None:
+    """Fill marks [h, w] with RIGHT and DOWN where disparity [h, w] steps by more than `step` and than slopes explain.
+
+    Holes (0) count as infinitely far. found [h, ceil(w / SPAN)]: whether a span of a row has any marks.
+    """
+    h, w = disparity.shape
+    least, right, down = np.float32(step), np.uint8(RIGHT), np.uint8(DOWN)
+    for row in numba.prange(h):
+        y = int(np.int64(row))
+        q, out = disparity[y], marks[y]
+        out[:] = 0
+        if y < h - 1:
+            above, after = disparity[max(y - 1, 0)], disparity[min(y + 2, h - 1)]
+            _mark_row(above, q, disparity[y + 1], after, least, down, out)
+        if w > 3:
+            _mark_row(q[:-3], q[1:-2], q[2:-1], q[3:], least, right, out[1:-2])
+        for column in (0, w - 2):  # beside the borders
+            x = int(column)
+            if 0 <= x < w - 1 and (x == 0 or w > 2):
+                before, beyond = q[max(x - 1, 0) :], q[min(x + 2, w - 1) :]
+                _mark_row(before, q[x:], q[x + 1 :], beyond, least, right, out[x : x + 1])
+        for j in range(found.shape[1]):
+            some = np.uint8(0)
+            for x in range(j * SPAN, min((j + 1) * SPAN, w)):
+                some |= out[x]
+            found[y, j] = some
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _cut_off(k: int, length: int, end: int) -> float:
+    """Area that the line from half a pixel aside at a run's end to its middle cuts off the k-th pixel from there."""
+    if end == 0:
+        return 0.0
+    half = 0.5 * length
+    a, b = float(k), min(float(k + 1), half)
+    return 0.5 * ((b - a) - (b * b - a * a) / (2.0 * half)) if b > a else 0.0
+
+
+@numba.njit(inline="always", cache=True)
+def _turn(before: int, after: int) -> int:
+    """Where a silhouette goes at a run's end: -1 to the side of the first pixels, 1 to the other, 0 neither or both."""
+    return (1 if after else 0) - (1 if before else 0)
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _mix(source: U16, out: U16, y: int, x: int, other_y: int, other_x: int, share: float) -> None:
+    change = share * (float(source[other_y, other_x]) - float(source[y, x]))
+    out[y, x] = np.uint16(min(max(float(out[y, x]) + change + 0.5, 0.0), 65535.0))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _blend_run(
+    start: int, length: int, line: int, first: int, last: int, upright: bool, sources: Planes, outs: Planes
+) -> None:
+    """Blend across a run of the silhouette between a line of pixels (a row; a column, if upright) and the next one.
+
+    first, last: where it turns at its ends.
+    """
+    for k in range(length):
+        ahead, behind = _cut_off(k, length, first), _cut_off(length - 1 - k, length, last)
+        # Where the outline bends to the first line's side, that takes from the second, and the other way round.
+        near = (ahead if first < 0 else 0.0) + (behind if last < 0 else 0.0)
+        far = (ahead if first > 0 else 0.0) + (behind if last > 0 else 0.0)
+        for share, a, b in ((near, line, line + 1), (far, line + 1, line)):
+            if share <= 0.0:
+                continue
+            y, x, other_y, other_x = (start + k, a, start + k, b) if upright else (a, start + k, b, start + k)
+            _mix(sources[0], outs[0], y, x, other_y, other_x, share)
+            if (a ^ b) >> 1:  # a sample of chroma is four pixels, of which this is one
+                for c in range(1, 3):
+                    _mix(sources[c], outs[c], y >> 1, x >> 1, other_y >> 1, other_x >> 1, 0.25 * share)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def blend_steps(marks: U8, found: U8, sources: Planes, outs: Planes) -> None:
+    """Blend the planes of a 4:2:0 picture, `outs`, which hold copies of `sources`, along marked silhouettes.
+
+    marks [h, w] and found are what `mark_steps` gives; planes are luma [h, w] and both chroma [(h+1)//2, (w+1)//2].
+    """
+    h, w = marks.shape
+    for y in range(h):
+        for j in range(found.shape[1]):
+            if not found[y, j]:
+                continue
+            for x in range(j * SPAN, min((j + 1) * SPAN, w)):
+                mark = marks[y, x]
+                # A run is met at its end: where the next pixel along it has none.
+                if mark & DOWN and (x == w - 1 or not marks[y, x + 1] & DOWN):
+                    start = x
+                    while start > 0 and marks[y, start - 1] & DOWN:
+                        start -= 1
+                    first = _turn(marks[y, start - 1] & RIGHT, marks[y + 1, start - 1] & RIGHT) if start > 0 else 0
+                    last = _turn(mark & RIGHT, marks[y + 1, x] & RIGHT)
+                    if first != 0 or last != 0:
+                        _blend_run(start, x + 1 - start, y, first, last, False, sources, outs)
+                if mark & RIGHT and (y == h - 1 or not marks[y + 1, x] & RIGHT):
+                    top = y
+                    while top > 0 and marks[top - 1, x] & RIGHT:
+                        top -= 1
+                    first = _turn(marks[top - 1, x] & DOWN, marks[top - 1, x + 1] & DOWN) if top > 0 else 0
+                    last = _turn(mark & DOWN, marks[y, x + 1] & DOWN)
+                    if first != 0 or last != 0:
+                        _blend_run(top, y + 1 - top, x, first, last, True, sources, outs)

@@ -1,0 +1,32 @@
+"""Smooth outlines without drawing anything again: see `kernels.morphology`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from .frame import Texture
+from .kernels.morphology import SPAN, blend_steps, mark_steps
+
+__all__ = ["smooth_outlines"]
+
+# Of the disparity step at which a mesh is cut: lesser steps are often the same surface's.
+_EDGES = 2.0
+
+
+def smooth_outlines(texture: Texture, disparity: npt.NDArray[np.float32], edge: float) -> Texture:
+    """A picture whose outlines are blended as far as they cover their pixels.
+
+    disparity [h, w] in 1/m, holes 0; `edge` is the disparity step at which the target's meshes are cut.
+    """
+    h, w = disparity.shape
+    marks, found = np.empty((h, w), np.uint8), np.empty((h, math.ceil(w / SPAN)), np.uint8)
+    mark_steps(disparity, _EDGES * edge, marks, found)
+    if not found.any():
+        return texture
+    planes = (texture.y, texture.cb, texture.cr)
+    outs = tuple(plane.copy() for plane in planes)
+    blend_steps(marks, found, planes, outs)
+    return Texture(*outs)
