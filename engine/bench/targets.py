@@ -126,7 +126,7 @@ def update_targets(twin: Twin, engine: Engine, frames: int, repeats: int, advanc
         stages = engine.update(first if index == 0 else twin_frame(twin, index)).stages
         if index > 1:  # the second may compile
             background.append(stages["background"])
-            exposure.append(stages["ingest"])
+            exposure.append(stages["exposure"])
         advance()
     n = engine.settings.n_update
     return [
