@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from farside.engine.camera import Camera, Equirectangular, Perspective, Pose, Projection
 from farside.engine.depth import DepthCoding
-from farside.engine.kernels.project import project_point, unproject_point
+from farside.engine.kernels.project import arc_tangent, cosine_sine, project_point, unproject_point
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -66,6 +66,14 @@ def test_unproject_inverts_project(
     np.testing.assert_allclose(distance, depth, rtol=1e-9)
 
 
+def bound_px(projection: Projection) -> float:
+    """How far a kernel's pixels may be off: its angles are within 4e-8."""
+    if isinstance(projection, Perspective):
+        return 0.0
+    (left, right), (low, high) = projection.hor_range, projection.ver_range
+    return 4e-8 * max(projection.width / (right - left), projection.height / (high - low))
+
+
 @quick
 @given(projections, poses, fractions, fractions, numbers(0.2, 50.0))
 def test_kernels_agree_with_cameras(
@@ -78,7 +86,7 @@ def test_kernels_agree_with_cameras(
     near = unproject_point(packed, u, v, depth)
     np.testing.assert_allclose(near + origin, camera.unproject([u, v], depth), atol=1e-8)
     ku, kv, kd = project_point(packed, *near)
-    np.testing.assert_allclose((ku, kv), (u, v), atol=1e-5)
+    np.testing.assert_allclose((ku, kv), (u, v), atol=1e-5 + bound_px(projection))
     np.testing.assert_allclose(kd, depth, rtol=1e-6)
 
 
@@ -92,8 +100,10 @@ def test_kernel_wraps_the_azimuth_as_the_camera_does(
     (u, v), depth = projection.project([x, y, z])
     ku, kv, kd = project_point(Camera("v", projection, Pose(), CODING).packed(), x, y, z)
     turn = 2 * math.pi / (projection.hor_range[1] - projection.hor_range[0]) * projection.width
-    assert abs(math.remainder(ku - u, turn)) < 1e-6  # opposite to the picture's middle both ends are right
-    np.testing.assert_allclose((kv, kd), (v, depth), atol=1e-6)
+    # Opposite to the picture's middle both ends are right.
+    assert abs(math.remainder(ku - u, turn)) < 1e-6 + bound_px(projection)
+    np.testing.assert_allclose(kv, v, atol=1e-6 + bound_px(projection))
+    np.testing.assert_allclose(kd, depth, atol=1e-6)
 
 
 @quick
@@ -212,3 +222,16 @@ def test_far_from_the_origin_kernels_keep_their_precision() -> None:
 def test_bad_values_are_named(make: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@quick
+@given(numbers(-40, 40), numbers(1e-6, 1e6))
+def test_angles_are_those_of_the_library(angle: float, length: float) -> None:
+    np.testing.assert_allclose(cosine_sine(angle), (math.cos(angle), math.sin(angle)), atol=1e-11)
+    y, x = length * math.sin(angle), length * math.cos(angle)
+    assert arc_tangent(y, x) == pytest.approx(math.atan2(y, x), abs=5e-8)
+
+
+def test_angles_on_the_axes() -> None:
+    for y, x in ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 0.0)):
+        assert arc_tangent(y, x) == pytest.approx(math.atan2(y, x), abs=5e-8)

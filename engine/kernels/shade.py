@@ -24,7 +24,7 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from . import triangulate
-from .project import CAMERA_SIZE, PERSPECTIVE, unproject_point
+from .project import CAMERA_SIZE, PERSPECTIVE, arc_tangent, unproject_point
 from .tone import LARGEST, TONE_SIZE, toned
 
 __all__ = [
@@ -94,21 +94,6 @@ def load_byte(typingctx: Any, address: Any, index: Any) -> Any:
     return _element_of(8)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
-def _atan2(y: float, x: float) -> float:
-    """Arc tangent by a minimax polynomial: within 4e-8 rad, far below a hundredth of a pixel."""
-    ax, ay = abs(x), abs(y)
-    a = min(ax, ay) / max(max(ax, ay), 1e-300)
-    s = a * a
-    r = 0.0218629205 - 0.00405455675 * s
-    r = 0.0964219347 + s * (-0.0559122734 + s * r)
-    r = 0.199465654 + s * (-0.139086281 + s * r)
-    r = a * (0.999999336 + s * (-0.333298608 + s * r))
-    r = 0.5 * math.pi - r if ay > ax else r
-    r = math.pi - r if x < 0.0 else r
-    return -r if y < 0.0 else r
-
-
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
 def _unproject_row(camera: F64, y: int, disparity: F32, points: F64) -> None:
     """points [3, w] of a row's pixels, relative to the scene origin; of holes, at depth 1."""
@@ -162,10 +147,10 @@ def _project_row(table: F64, k: int, points: F64, images: F64) -> None:
             cz = rzx * dx + rzy * dy + rzz * dz
             planar = cx * cx + cy * cy
             # The azimuth is known up to a turn: take the one nearest to the picture's middle.
-            u = (left - _atan2(cy, cx)) * columns
+            u = (left - arc_tangent(cy, cx)) * columns
             u = u - turn if u > middle + 0.5 * turn else u
             u = u + turn if u < middle - 0.5 * turn else u
-            v = (top - _atan2(cz, math.sqrt(planar))) * rows
+            v = (top - arc_tangent(cz, math.sqrt(planar))) * rows
             inside = (u >= 0.0) & (v >= 0.0) & (u <= width) & (v <= height)
             images[0, x], images[1, x] = u, v
             images[2, x] = (1.0 / math.sqrt(planar + cz * cz) - offset) * per_step if inside else OUTSIDE
