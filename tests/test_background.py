@@ -5,13 +5,15 @@ import threading
 
 import numpy as np
 import pytest
-from farside.engine.background.coverage import choose_views, farther_pixels
+from farside.engine.background.coverage import Coverage, choose_views
 from farside.engine.background.culling import cull_unmarked, mark_background, mark_missed
+from farside.engine.background.maximum_depth import coding_row
 from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbs import ProbableBackgroundSurface
 from farside.engine.background.tolerances import scene_tolerances
 from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.frame import Frame, View
+from farside.engine.kernels.coverage import BLOCK, mark_smooth
 from farside.engine.kernels.culling import OFFSETS, SAMPLES, SMALL_PX
 from farside.engine.mesh import Mesh
 from farside.engine.scene import Scene
@@ -66,10 +68,34 @@ def test_only_farther_pixels_of_later_views_are_kept(wide):
         codes = CODING.codes(rng.uniform(2.0, 6.0, (48, 64)))
         codes[rng.random(codes.shape) < 0.1] = 0
         views[1] = View(cameras[1], see(camera_row(1, (64, 48))[0]).texture, codes)
-    keep = farther_pixels(views[2], views[:2], 0.08)
-    expected = slow_coverage.farther_pixels(views[2], views[:2], 0.08)
-    np.testing.assert_array_equal(keep != 0, expected)
+    coverage, edge = Coverage(0.08), 0.05
+    assert coverage.take(views[0], edge).all()
+    coverage.take(views[1], edge)
+    expected = slow_coverage.farther_pixels(views[2], views[:2], 0.08, edge)
+    np.testing.assert_array_equal(coverage.take(views[2], edge) != 0, expected)
     assert 0.02 < expected.mean() < 0.5
+
+
+@pytest.mark.parametrize("size", [(64, 48), (61, 46), (8, 8), (9, 2), (1, 1)])
+def test_blocks_are_smooth_whose_depths_lie_between_their_corners(size):
+    w, h = size
+    camera = camera_row(1, size)[0]
+    rng = np.random.default_rng(0)
+    codes = np.add.outer(30 * np.arange(h), 20 * np.arange(w)).astype(np.uint16) + np.uint16(9000)
+    rough = rng.random(codes.shape) < 0.01
+    codes[rough] += rng.integers(-9000, 200, rough.sum()).astype(np.uint16)
+    smooth = np.empty((max(1, -(-(h - 1) // BLOCK)), max(1, -(-(w - 1) // BLOCK))), np.uint8)
+    mark_smooth(codes, coding_row(camera), 0.08, smooth)
+    depth, step = camera.depth.depth(codes), camera.depth.step
+    for row, column in np.ndindex(*smooth.shape):
+        block = np.s_[BLOCK * row : BLOCK * row + BLOCK + 1, BLOCK * column : BLOCK * column + BLOCK + 1]
+        part = codes[block].astype(float)
+        y, x = (np.linspace(0, 1, n) for n in part.shape)
+        corners = part[np.ix_([0, -1], [0, -1])]
+        between = np.stack([1 - y, y], -1) @ corners @ np.stack([1 - x, x])
+        limit = 0.25 * 0.08 / (depth[block][[0, 0, -1, -1], [0, -1, 0, -1]].max() ** 2 * step)
+        assert smooth[row, column] == (corners.min() > 0 and np.abs(part - between).max() <= limit)
+    assert size != (61, 46) or 0.2 < smooth.mean() < 0.8
 
 
 # Culling

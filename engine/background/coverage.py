@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..frame import View
-from ..kernels.coverage import keep_farther
+from ..kernels import coverage as kernels
 from .maximum_depth import coding_row
 
-__all__ = ["choose_views", "farther_pixels"]
+__all__ = ["Coverage", "choose_views"]
 
 # Views are warped as a grid of about this many samples a side into as many cells, not pixel by pixel: the order
 # of the views asks for the share of a picture that is covered, not for its outline.
-_SAMPLES = 128
-_CELLS = 64
+_SAMPLES = 64
+_CELLS = 32
 
 
 def choose_views(views: Sequence[View], count: int) -> list[int]:
@@ -26,48 +27,50 @@ def choose_views(views: Sequence[View], count: int) -> list[int]:
 
     Next is always the view whose picture the chosen ones, warped into it, cover least.
     """
+    packed = np.array([view.camera.packed() for view in views])
     chosen: list[int] = []
-    covered = np.zeros((len(views), _CELLS, _CELLS), bool)
+    covered = np.zeros((len(views), _CELLS, _CELLS), np.uint8)
     for _ in range(min(count, len(views))):
         share = covered.mean(axis=(1, 2))
         share[chosen] = np.inf
         chosen.append(int(np.argmin(share)))
-        points = _sample_points(views[chosen[-1]])
-        for i, view in enumerate(views):
-            if i not in chosen:
-                _cover(view, points, covered[i])
+        view = views[chosen[-1]]
+        stride = max(1, math.ceil(max(view.codes.shape) / _SAMPLES))
+        kernels.cover_cells(view.codes, packed[chosen[-1]], coding_row(view.camera), stride, packed, covered)
     return chosen
 
 
-def _sample_points(view: View) -> npt.NDArray[np.float64]:  # [n, 3]
-    """World points of a grid of the view's valid pixels."""
-    h, w = view.codes.shape
-    rows = np.arange(0, h, max(1, math.ceil(h / _SAMPLES)))
-    columns = np.arange(0, w, max(1, math.ceil(w / _SAMPLES)))
-    depth = view.camera.depth.depth(view.codes[np.ix_(rows, columns)])
-    v, u = np.meshgrid(rows + 0.5, columns + 0.5, indexing="ij")
-    valid = np.isfinite(depth)
-    return view.camera.unproject(np.stack([u, v], axis=-1)[valid], depth[valid])
+class _Taken(NamedTuple):
+    codes: npt.NDArray[np.uint16]
+    packed: npt.NDArray[np.float64]
+    coding: npt.NDArray[np.float64]
+    smooth: npt.NDArray[np.uint8]
+    edge: float  # in codes
 
 
-def _cover(view: View, points: npt.NDArray[np.float64], cells: npt.NDArray[np.bool_]) -> None:
-    """Sets the cells [n, n] of a view's picture that points of the world fall into."""
-    uv, depth = view.camera.project(points)
-    with np.errstate(invalid="ignore"):
-        at = np.floor(uv / (view.camera.width, view.camera.height) * cells.shape[0])
-        inside = (depth > 0) & np.all((at >= 0) & (at < cells.shape[0]), axis=-1)
-    columns, rows = at[inside].astype(np.int64).T
-    cells[rows, columns] = True
+class Coverage:
+    """The surfaces that the views taken up to now show.
 
+    `tolerance_m`: how much nearer a surface may be that is taken as one with another; positions are relative to
+    `origin`, metres.
+    """
 
-def farther_pixels(
-    view: View, earlier: Sequence[View], tolerance_m: float, origin: npt.ArrayLike = (0.0, 0.0, 0.0)
-) -> npt.NDArray[np.uint8]:  # [h, w]
-    """1 where the view shows a surface that no earlier view shows, nor anything about as far or farther there."""
-    keep = np.ones(view.codes.shape, np.uint8)
-    for other in earlier:
-        keep_farther(
-            view.codes, view.camera.packed(origin), coding_row(view.camera),
-            other.codes, other.camera.packed(origin), coding_row(other.camera), tolerance_m, keep,
-        )  # fmt: skip
-    return keep
+    def __init__(self, tolerance_m: float, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        self._tolerance, self._origin = tolerance_m, origin
+        self._taken: list[_Taken] = []
+
+    def take(self, view: View, edge: float) -> npt.NDArray[np.uint8]:  # [h, w]
+        """1 where the view shows a surface that no view before shows, nor anything about as far or farther there.
+
+        `edge`: the disparity step between neighbouring pixels that is a depth edge, 1/m.
+        """
+        codes, coding = view.codes, coding_row(view.camera)
+        blocks = [max(1, math.ceil((size - 1) / kernels.BLOCK)) for size in codes.shape]
+        smooth = np.empty(blocks, np.uint8)
+        kernels.mark_smooth(codes, coding, self._tolerance, smooth)
+        new = _Taken(codes, view.camera.packed(self._origin), coding, smooth, edge / view.camera.depth.step)
+        keep = np.ones(codes.shape, np.uint8)
+        for old in self._taken:
+            kernels.keep_farther(*new[:4], *old, self._tolerance, keep)
+        self._taken.append(new)
+        return keep

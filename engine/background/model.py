@@ -24,7 +24,7 @@ from ..scene import Scene
 from ..settings import Settings
 from ..stages import Stages, timed
 from ..triangulation import triangulate
-from .coverage import choose_views, farther_pixels
+from .coverage import Coverage, choose_views
 from .culling import clear_marks, cull_unmarked, mark_background, mark_missed
 from .maximum_depth import MaximumDepthImage, coding_row
 from .pbs import ProbableBackgroundSurface, Surface
@@ -159,13 +159,12 @@ class BackgroundModel:
         return report
 
     def _build_static(self, views: Sequence[View]) -> None:
-        earlier: list[View] = []
+        coverage = Coverage(self.delta, self._origin)
         for c in choose_views(views, self.settings.n_init):
-            keep = farther_pixels(views[c], earlier, self.delta, self._origin) if earlier else None
+            keep = coverage.take(views[c], self._options[c].edge)
             mesh = self._triangulate(c, views[c].codes, keep)
             with self._lock:
                 self._pbs.set_static(c, mesh)
-            earlier.append(views[c])
 
     def _triangulate(self, c: int, codes: npt.NDArray[np.uint16], keep: npt.NDArray[np.uint8] | None) -> Mesh:
         """A camera's mesh whose pixels keep their squares at depth edges: a gap of a pixel between someone and the wall

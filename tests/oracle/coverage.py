@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 
-def farther_pixels(view, earlier, tolerance):
-    """True where, in every earlier view that has four pixels around the point, one of these is
-    without depth, or nearer than the point by more than the tolerance."""
+def farther_pixels(view, earlier, tolerance, edge):
+    """True where, in every earlier view that has four pixels around the point, one of these is without depth, or
+    their surface is nearer than the point by more than the tolerance: at a depth edge (a step of disparity of more
+    than `edge`) the nearest of them, elsewhere what lies between."""
     keep = np.ones(view.codes.shape, bool)
     depth = view.camera.depth.depth(view.codes)
     for row, column in np.argwhere(np.isfinite(depth)):
@@ -17,7 +18,9 @@ def farther_pixels(view, earlier, tolerance):
             if not (there > 0 and 0.5 <= u < other.camera.width - 0.5 and 0.5 <= v < other.camera.height - 0.5):
                 continue
             x, y = int(np.floor(u - 0.5)), int(np.floor(v - 0.5))
-            seen = other.camera.depth.depth(other.codes[y : y + 2, x : x + 2])
-            if np.all(there - tolerance <= seen):
+            seen = other.camera.depth.disparity(other.codes[y : y + 2, x : x + 2])
+            across, down = u - 0.5 - x, v - 0.5 - y
+            between = np.array([1 - down, down]) @ seen @ np.array([1 - across, across])
+            if 1 / (seen.max() if np.ptp(seen) > edge else between) >= there - tolerance:  # nan: not
                 keep[row, column] = False
     return keep
