@@ -39,7 +39,7 @@ class Settings:
     overdraw: bool = True  # draw views and backdrop everywhere, not only where the views before left holes
     rims: bool = True  # pixels at depth edges keep their full square where no view has a surface
     baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
-    max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two
+    max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two up to 32
     delta_m: float | None = None  # culling tolerance (delta); the paper's is 0.2
     culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
     backdrop: str = "standing"  # shown of the model behind a pixel: the nearest that stands, or the paper's "farthest"
@@ -85,8 +85,8 @@ class Settings:
         if self.antialias not in ANTIALIASES:
             raise ValueError(f"antialias: {self.antialias!r}: expected one of {', '.join(ANTIALIASES)}")
         block = self.max_block_px
-        if block < 1 or block & (block - 1):
-            raise ValueError(f"max_block_px: {block!r}: expected a power of two")
+        if not 1 <= block <= 32 or block & (block - 1):
+            raise ValueError(f"max_block_px: {block!r}: expected a power of two up to 32")
 
     @classmethod
     def preset(cls, quality: str = "balanced", **changes: object) -> Settings:

@@ -279,7 +279,7 @@ def test_bad_arrays_are_named(field, arguments):
     ("field", "value"),
     [
         ("tolerance", -1.0), ("tolerance", math.nan), ("edge", -0.1), ("edge", math.nan),
-        ("max_block", 0), ("max_block", 6),
+        ("max_block", 0), ("max_block", 6), ("max_block", 64),
     ],
 )
 def test_bad_options_are_named(field, value):

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from .triangulate import CUT_DOWN, CUT_RIGHT
+from .cuts import CUT_DOWN, CUT_RIGHT
 
 __all__ = ["ALL", "halve_codes", "halve_plane"]
 
@@ -71,7 +71,7 @@ def halve_plane(plane: U16, masks: U8, out: U16) -> None:
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def halve_codes(codes: U16, cuts: U8, out: U16, masks: U8) -> None:
-    """Fill out and masks [h, w] from depth codes [2 h, 2 w] and where they are cut (`triangulate.mark_broken`).
+    """Fill out and masks [h, w] from depth codes [2 h, 2 w] and where they are cut (`cuts.mark_broken`).
 
     A code is the mean of the texels of the mask, disparity being linear over a plane; four without depth give none.
     """
