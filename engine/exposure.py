@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
-from .kernels.exposure import gather_samples, weigh_samples
+from .kernels.exposure import gather_samples, solve_tones, weigh_samples
 from .kernels.tone import TONE_SIZE
 from .prepared import ViewTable
 from .selection import select_views
@@ -133,19 +133,11 @@ def _solve(overlap: _Overlap, state: FloatArray, expected: FloatArray) -> FloatA
     tones = np.concatenate([state, _NEUTRAL[None].repeat(3, 0)[None]])  # the model's own tone is the common one
     information, evidence = np.empty((pairs, 3, 3, 3)), np.empty((pairs, 3, 3))
     weigh_samples(overlap.samples, overlap.counts, nodes, tones, information, evidence)
-    sides = np.zeros((pairs, count + 1))  # +1 for the tone that a pair's difference has first, -1 for the other
-    sides[np.arange(pairs), nodes[:, 0]], sides[np.arange(pairs), nodes[:, 1]] = 1.0, -1.0
-    sides = sides[:, :count]
-    weighted = sides * np.where(nodes[:, 1:] == count, _MODEL_WEIGHT, 1.0)
-    each = weighted[:, :, None] * information.reshape(pairs, 1, 27)  # [pair, node, channel x basis x basis]
-    matrix = (sides.T @ each.reshape(pairs, count * 27)).reshape(count, count, 3, 3, 3)
-    vector = (weighted.T @ evidence.reshape(pairs, 9)).reshape(count, 3, 3)
-    prior, size = 1.0 / _EXPECTED**2, 3 * count
-    left = matrix.transpose(2, 0, 3, 1, 4).reshape(3, size, size)
-    left[:, np.arange(size), np.arange(size)] += np.tile(prior, count)
-    right = (vector + prior * (expected - _NEUTRAL)).transpose(1, 0, 2).reshape(3, size, 1)
-    off: FloatArray = np.linalg.solve(left, right)
-    return _NEUTRAL + off.reshape(3, count, 3).transpose(1, 0, 2)
+    weights = np.where(nodes[:, 1] == count, _MODEL_WEIGHT, 1.0)
+    off: FloatArray = expected - _NEUTRAL
+    solve_tones(information, evidence, nodes, weights, 1.0 / _EXPECTED**2, off)
+    off += _NEUTRAL
+    return off
 
 
 def _matrices(state: FloatArray) -> FloatArray:  # [n, 3, 3] -> [n, 4, 4]

@@ -12,7 +12,7 @@ from farside.engine.colour import toned_texture
 from farside.engine.engine import Engine
 from farside.engine.exposure import Exposure, packed, to_common, to_picture
 from farside.engine.frame import Frame, Texture
-from farside.engine.kernels.exposure import gather_samples, weigh_samples
+from farside.engine.kernels.exposure import gather_samples, solve_tones, weigh_samples
 from farside.engine.kernels.shade import EDGE, TOLERANCE
 from farside.engine.metrics import psnr
 from farside.engine.prepared import PreparedView, ViewTable
@@ -20,7 +20,7 @@ from farside.engine.scene import Scene
 from farside.engine.selection import view_shares
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin, twin_frame
-from oracle.exposure import common_samples, normal_equations
+from oracle.exposure import common_samples, normal_equations, solve
 from rooms import WALL_Y, camera_row, frame
 
 FOLLOW_S, FRAME_S = 0.5, 1 / 30
@@ -90,6 +90,18 @@ def test_normal_equations_are_those_of_the_readable_twin():
         expected = normal_equations(samples[p, : counts[p]].astype(float), tones[a], tones[b])
         np.testing.assert_allclose(information[p], expected[0], rtol=1e-6)
         np.testing.assert_allclose(evidence[p], expected[1], rtol=1e-6)
+
+
+def test_tones_are_those_of_the_dense_system():
+    rng = np.random.default_rng(5)
+    nodes = np.array([(0, 1), (1, 2), (2, 0), (3, 1), (0, 4), (3, 4)])  # the last node is the model, no unknown
+    roots = rng.normal(size=(len(nodes), 3, 3, 3))
+    information, evidence = roots @ roots.transpose(0, 1, 3, 2), rng.normal(size=(len(nodes), 3, 3))
+    weights, expected = rng.uniform(0.1, 1.0, len(nodes)), rng.normal(size=(4, 3, 3))
+    precision = np.array([25.0, 0.1, 9.0])
+    off = expected.copy()
+    solve_tones(information, evidence, nodes, weights, precision, off)
+    np.testing.assert_allclose(off, solve(information, evidence, nodes, weights, precision, expected), rtol=1e-9)
 
 
 @pytest.mark.parametrize("size", [(6, 8), (5, 7), (1, 1)])

@@ -6,6 +6,8 @@ A tone here is float64 [3, 3], of luma, cb and cr relative to black and grey (64
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +15,7 @@ import numpy.typing as npt
 from .project import project_point, unproject_point
 from .shade import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
 
-__all__ = ["gather_samples", "weigh_samples"]
+__all__ = ["gather_samples", "solve_tones", "weigh_samples"]
 
 BLACK, GREY = 64.0, 512.0
 _DARKEST, _BRIGHTEST = 72, 920  # luma codes within which a sensor is neither blocked up nor clipped
@@ -151,3 +153,57 @@ def weigh_samples(samples: F32, counts: I64, nodes: I64, tones: F64, information
                     evidence[p, channel, i] += weight * basis[k, i] * difference[k]
                     for j in range(3):
                         information[p, channel, i, j] += weight * basis[k, i] * basis[k, j]
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def solve_tones(
+    information: F64, evidence: F64, nodes: I64, weights: F64, precision: F64, off: F64
+) -> None:
+    """Least squares over all pairs: how the tones off [n, 3, 3] lie off the neutral one.
+
+    information, evidence, nodes [p, 2]: see `weigh_samples`; a node n or more is no unknown. weights [p]; precision
+    [3]: of gain, offset and tint about what is expected, which `off` holds at first. By Cholesky's method: the matrices
+    are positive definite, and too small for a library's threads.
+    """
+    count = off.shape[0]
+    for channel_ in numba.prange(3):
+        channel = np.int64(channel_)
+        left, right = np.zeros((3 * count, 3 * count)), np.zeros(3 * count)
+        for p in range(nodes.shape[0]):
+            for side in range(2):
+                row, sign = 3 * nodes[p, side], weights[p] * (1 - 2 * side)
+                if row >= 3 * count:
+                    continue
+                for i in range(3):
+                    right[row + i] += sign * evidence[p, channel, i]
+                    for other in range(2):
+                        column = 3 * nodes[p, other]
+                        if column < 3 * count:
+                            for j in range(3):
+                                left[row + i, column + j] += sign * (1 - 2 * other) * information[p, channel, i, j]
+        for k in range(3 * count):
+            left[k, k] += precision[k % 3]
+            right[k] += precision[k % 3] * off[k // 3, channel, k % 3]
+        _solve_in_place(left, right)
+        for k in range(3 * count):
+            off[k // 3, channel, k % 3] = right[k]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _solve_in_place(matrix: F64, vector: F64) -> None:
+    """Puts the solution of matrix [n, n], symmetric and positive definite, into vector [n]; the matrix is lost."""
+    n = len(vector)
+    for i in range(n):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = rest / matrix[j, j] if j < i else math.sqrt(rest)
+        rest = vector[i]
+        for k in range(i):
+            rest -= matrix[i, k] * vector[k]
+        vector[i] = rest / matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        vector[i] /= matrix[i, i]
+        for k in range(i):
+            vector[k] -= matrix[i, k] * vector[i]

@@ -73,3 +73,22 @@ def normal_equations(samples, one, two):
         information[channel] = basis.T @ (weight[:, None] * basis)
         evidence[channel] = basis.T @ (weight * difference)
     return information, evidence
+
+
+def solve(information, evidence, nodes, weights, precision, expected):
+    """Tones' distances [n, 3, 3] from neutral: a dense matrix of all unknowns of a channel."""
+    count = len(expected)
+    off = np.empty((count, 3, 3))
+    for channel in range(3):
+        left, right = np.zeros((3 * count, 3 * count)), np.zeros(3 * count)
+        for k, pair in enumerate(nodes):
+            sides = np.zeros((3, 3 * count))
+            for node, sign in zip(pair, (1.0, -1.0), strict=True):
+                if node < count:
+                    sides[:, 3 * node : 3 * node + 3] = sign * np.eye(3)
+            left += weights[k] * sides.T @ information[k, channel] @ sides
+            right += weights[k] * sides.T @ evidence[k, channel]
+        prior = np.tile(precision, count)
+        right += prior * expected[:, channel].ravel()
+        off[:, channel] = np.linalg.solve(left + np.diag(prior), right).reshape(-1, 3)
+    return off
