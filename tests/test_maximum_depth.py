@@ -9,7 +9,7 @@ from farside.engine.background.tolerances import Tolerances
 from farside.engine.camera import Camera, Perspective, Pose
 from farside.engine.depth import DepthCoding
 from farside.engine.frame import View
-from farside.engine.kernels.maximum_depth import COLOUR_FRAMES, DEPTH_FRAMES, PHASES
+from farside.engine.kernels.maximum_depth import COLOUR_FRAMES, DEPTH_FRAMES, PHASES, TILE
 from farside.engine.triangulation import TriangulationOptions, triangulate
 from oracle.maximum_depth import settle, update
 from rooms import BOX_X, BOX_Y, CODING, WALL_X, WALL_Y, camera_row, see, texture_of
@@ -42,6 +42,42 @@ def test_updates_are_those_of_the_slow_twin(size, has_invalid, bits):
         np.testing.assert_array_equal(image.texture.y, luma)
         np.testing.assert_array_equal(image.updated != 0, updated)
         image.updated[:] = image.provisional[:] = 0  # colours that are taken later have their own tests
+
+
+@pytest.mark.parametrize("size", [(150, 70), (33, 7)])
+def test_a_sample_of_rows_finds_everything_within_some_views(size):
+    camera = Camera("c", Perspective.from_fov(*size, 1.0), Pose(), DepthCoding(0.5, 20.0, 16, True))
+    first = random_view(camera, 0)
+    codes = first.codes.copy()
+    rng = np.random.default_rng(1)
+    for _ in range(6):  # of two rows at most: few are in the first sample
+        row, column = rng.integers(size[1] - 1), rng.integers(size[0] - 5)
+        codes[row : row + 2, column : column + 5] = 1
+    view = dataclasses.replace(first, codes=codes)
+    expected, luma, updated = update((first.codes, first.texture.y), view, 0.05, 1.5 * camera.depth.step)
+    image = MaximumDepthImage(first, Tolerances(0.1, 0.05), edge=1e9)
+    found = [image.update(view, whole=False) for _ in range(PHASES)]
+    assert sum(found) == np.count_nonzero(updated) > found[0] or size[0] < TILE
+    np.testing.assert_array_equal(image.codes, expected)
+    np.testing.assert_array_equal(image.texture.y, luma)
+    np.testing.assert_array_equal(image.updated != 0, updated)
+    rows, columns = np.nonzero(updated)
+    blocks = np.zeros(image.pending.shape, bool)
+    blocks[rows // (2 * PHASES), columns // TILE] = True
+    np.testing.assert_array_equal(image.pending, blocks)
+
+
+def test_what_is_as_high_as_a_block_is_found_at_once():
+    camera = Camera("c", Perspective.from_fov(4 * TILE, 10 * PHASES, 1.0), Pose(), CODING)
+    shape = (camera.height, camera.width)
+    near = View(camera, texture_of(np.full(shape, 500)), np.full(shape, 40000, np.uint16))
+    codes = near.codes.copy()
+    codes[5 : 5 + 4 * PHASES, 20:200] = 20000
+    image = MaximumDepthImage(near, TOLERANCES, edge=1e9)
+    image.update(dataclasses.replace(near, codes=codes), whole=False)
+    np.testing.assert_array_equal(image.codes[2 * PHASES : 4 * PHASES], codes[2 * PHASES : 4 * PHASES])
+    image.update(dataclasses.replace(near, codes=codes), whole=False)  # the blocks beside what has changed
+    np.testing.assert_array_equal(image.codes, codes)
 
 
 @pytest.mark.parametrize("size", [(150, 30), (3, 2)])

@@ -11,6 +11,7 @@ from ..colour import toned_texture
 from ..frame import Texture, View
 from ..kernels.maximum_depth import (
     PHASES,
+    TILE,
     fuse_maximum_depth,
     prepare_maximum_depth,
     settle_points,
@@ -20,7 +21,9 @@ from ..kernels.tone import IDENTITY
 from ..mesh import Mesh
 from .tolerances import Tolerances
 
-__all__ = ["MaximumDepthImage", "coding_row"]
+__all__ = ["BLOCK", "MaximumDepthImage", "coding_row"]
+
+BLOCK = (2 * PHASES, TILE)  # rows and columns of the blocks in which changes are looked for
 
 
 def coding_row(camera: Camera) -> npt.NDArray[np.float64]:  # [4]
@@ -52,25 +55,31 @@ class MaximumDepthImage:
         self._edge = edge
         self._number = 0  # of the last view taken
         self.compare_by(tolerances)
-        self.pending = 0  # updates since the camera's last turn, pixels counted as often as they changed
-        self._counts = np.zeros((self.codes.shape[0] + 1) // 2, np.int64)
+        blocks = [-(-size // step) for size, step in zip(self.codes.shape, BLOCK, strict=True)]
+        self.pending = np.zeros(blocks, bool)  # blocks with updates since the camera's last turn
+        self.lone = np.zeros(blocks, bool)  # blocks with updated pixels that were left then
+        self._counts = np.zeros((2, *blocks), np.int64)
 
     def compare_by(self, tolerances: Tolerances) -> None:
         """Sets what a nontrivial amount is."""
         self._rules = _rules(self.camera, tolerances, self._edge)
         prepare_maximum_depth(self.codes, self._rules, self._by_code, self._limits, self.provisional)
 
-    def update(self, view: View, tone: npt.ArrayLike = IDENTITY) -> int:
-        """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels."""
+    def update(self, view: View, tone: npt.ArrayLike = IDENTITY, *, whole: bool = True) -> int:
+        """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels.
+
+        Without `whole` only a sample of the rows is looked at where nothing has changed: some changes are found later,
+        all within PHASES views.
+        """
         self._number += 1
+        before, counts = self._counts[self._number % 2], self._counts[1 - self._number % 2]
         update_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self._limits, self.updated, self.provisional, self.fused, self._counts, self._rules, np.asarray(tone),
-            self._number,
+            self._limits, self.updated, self.provisional, self.fused, self._by_code, before, counts, self._rules,
+            np.asarray(tone), self._number, whole,
         )  # fmt: skip
-        count = int(self._counts.sum())
-        self.pending += count
-        return count
+        self.pending |= counts > 0
+        return int(counts.sum())
 
     def fuse(self, view: View, tone: npt.ArrayLike = IDENTITY) -> None:
         """Takes the mean with the view that `update` took, where both show the same; other rows in each of PHASES."""

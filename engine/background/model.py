@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,8 @@ from ..stages import Stages, timed
 from ..triangulation import triangulate
 from .coverage import Coverage, choose_views
 from .culling import clear_marks, cull_unmarked, mark_background, mark_missed
-from .maximum_depth import MaximumDepthImage, coding_row
+from .directions import ChangedDirections
+from .maximum_depth import BLOCK, MaximumDepthImage, coding_row
 from .pbs import ProbableBackgroundSurface, Surface
 from .tolerances import Tolerances, sampled_disparity, scene_tolerances, with_noise
 
@@ -72,6 +74,7 @@ class BackgroundModel:
         self._tolerances = Tolerances(0.0, 0.0)
         self._scratch: dict[tuple[int, ...], npt.NDArray[np.int32]] = {}
         self._cast_version = [-1] * len(self.cameras)  # the PBS' version at each camera's last culling rays
+        self._changed = ChangedDirections(self._packed)
         self._moved: set[int] = set()
         self._next = 0
         self._waited = 0  # frames that were not taken since the last that was
@@ -186,7 +189,7 @@ class BackgroundModel:
             if self._frames in _NOISE_FRAMES:
                 self._allow_for_noise(frame)
             for c in self._fixed():
-                report.updated += self._images[c].update(frame.views[c], tones[c])
+                report.updated += self._images[c].update(frame.views[c], tones[c], whole=c in group)
                 if self._tolerances.noise:
                     self._images[c].fuse(frame.views[c], tones[c])
         for c in group:
@@ -234,66 +237,83 @@ class BackgroundModel:
         culled = before is not None and before.valid_count < len(before.invalid)
         # Twice the frames: noise has fallen by the square root of two.
         fused = self._tolerances.noise > 0 and image.rounds >= 2 * self._rounds[c]
-        if not (image.pending or culled or fused):
+        if not (image.pending.any() or culled or fused):
             return
-        with timed(report.stages, "filter"):
-            numbers = self._paint(image, before)
-            if culled:
-                clear_culled(numbers, image.kept)
-            candidates, accepted, changed = self._filter(c)
-            report.candidates += candidates
-            report.accepted += accepted
-            report.rays += candidates - changed
-        if accepted or changed or culled:
-            with timed(report.stages, "triangulate"):
-                self._derive(c, before, numbers)
+        version = self._pbs.version
+        with self._painted(image, before) as numbers:
+            with timed(report.stages, "filter"):
+                if before is not None and culled:
+                    mesh = before.mesh
+                    clear_culled(mesh.uv, mesh.triangles, before.invalid, _wraps(image), numbers, image.kept)
+                changed = self._filter(c, report)
+            if culled or changed.any():
+                with timed(report.stages, "triangulate"):
+                    self._derive(c, before, numbers, changed)
         if fused:
             with timed(report.stages, "triangulate"), self._lock:
                 self._rounds[c] = image.rounds
                 self._pbs.move(c, lambda mesh: image.settled(mesh, self._packed[c]))
-        if accepted or changed or culled or fused:
+                self._changed.add_all()
+        if self._pbs.version != version:
             with timed(report.stages, "commit"):  # before the next camera's rays
                 self._pbs.commit()
 
-    def _paint(self, image: MaximumDepthImage, before: Surface | None) -> npt.NDArray[np.int32]:  # [h, w]
+    @contextmanager
+    def _painted(self, image: MaximumDepthImage, before: Surface | None) -> Iterator[npt.NDArray[np.int32]]:  # [h, w]
         """Which valid triangle of a camera's part of the P-PBS covers each pixel, -1 where none does."""
         shape = image.codes.shape
         if shape not in self._scratch:
-            self._scratch[shape] = np.empty(shape, np.int32)
+            self._scratch[shape] = np.full(shape, -1, np.int32)
         numbers = self._scratch[shape]
-        numbers.fill(-1)
-        if before is not None:
-            projection = image.camera.projection
-            wraps = isinstance(projection, Equirectangular) and projection.wraps
-            paint_triangles(before.mesh.uv, before.mesh.triangles, before.invalid, wraps, numbers)
-        return numbers
+        if before is None:
+            yield numbers
+            return
+        triangles = before.mesh.uv, before.mesh.triangles, before.invalid.copy(), _wraps(image)
+        paint_triangles(*triangles, False, numbers)
+        try:
+            yield numbers
+        finally:
+            paint_triangles(*triangles, True, numbers)  # a picture has many more pixels than a P-PBS
 
-    def _filter(self, c: int) -> tuple[int, int, int]:
-        """Accepts candidates into the P-PBS: their number, the accepted ones, and kept ones that have changed."""
+    def _filter(self, c: int, report: UpdateReport) -> npt.NDArray[np.bool_]:
+        """Accepts candidates into the P-PBS; the blocks in which some were, or kept ones have changed."""
         image = self._images[c]
-        counts = np.zeros((image.codes.shape[0], 3), np.int64)
+        blocks = np.argwhere(image.pending | image.lone)
+        counts = np.empty((len(blocks), 4), np.int64)
         accept_candidates(
             self._pbs.intersect, self._pbs.scene, self._packed[c], self._pbs.bounds, coding_row(image.camera),
-            image.codes, image.updated, image.kept, self.delta, counts,
+            image.codes, image.updated, image.kept, self.delta, blocks, *BLOCK, counts,
         )  # fmt: skip
-        image.pending = 0  # what was left as a lone pixel waits until there is more beside it
-        candidates, accepted, changed = (int(n) for n in counts.sum(axis=0))
-        return candidates, accepted, changed
+        image.pending[:] = False
+        image.lone[tuple(blocks.T)] = counts[:, 3] > 0  # waits until there is more beside it
+        candidates, accepted, changed = (int(n) for n in counts.sum(axis=0)[:3])
+        report.candidates += candidates
+        report.accepted += accepted
+        report.rays += candidates - changed
+        where = np.zeros(image.pending.shape, bool)
+        where[tuple(blocks.T)] = counts[:, 1:3].any(axis=1)
+        return where
 
-    def _derive(self, c: int, before: Surface | None, numbers: npt.NDArray[np.int32]) -> None:
-        """Triangulates the kept pixels; what was there before keeps its marks."""
+    def _derive(
+        self, c: int, before: Surface | None, numbers: npt.NDArray[np.int32], changed: npt.NDArray[np.bool_]
+    ) -> None:
+        """Triangulates the kept pixels; what was there before keeps its marks, outside the changed blocks."""
         image = self._images[c]
         mesh = self._triangulate(c, image.codes, image.kept)
         with self._lock:
             surface = self._pbs.set_progressive(c, mesh)
+        news = np.ones(len(mesh.triangles), bool)
         if before is not None:
-            inherit_marks(mesh.uv, mesh.triangles, numbers, before.marks, surface.marks)
+            inherit_marks(
+                mesh.uv, mesh.triangles, numbers, before.marks, surface.marks, changed, *BLOCK, news
+            )  # fmt: skip
+        self._changed.add(mesh, np.flatnonzero(news))
 
     def _cull(self, cameras: Sequence[int], report: UpdateReport, *, share: bool = False) -> None:
         """Renews the marks of some cameras, and flags what no camera's marks are left on."""
         for c in cameras:
             self._cast_version[c] = self._pbs.version
-            clear_marks(self._pbs, c)
+            self._changed.forget(c, list(self._pbs.surfaces()))
             if stride := self.settings.culling_stride:
                 report.rays += mark_background(self._pbs, c, self._packed[c], stride, self.delta)
         order = [*cameras, *(c for c in self._fixed() if c not in cameras)]
@@ -350,3 +370,9 @@ class BackgroundModel:
         ycbcr = np.empty((len(mesh.uv), 3), np.float32)
         sample_colours(self._image_table[c], mesh.uv, ycbcr)
         return ColouredMesh(mesh.points + self._origin, mesh.triangles[valid], srgb_from_ycbcr(ycbcr))
+
+
+def _wraps(image: MaximumDepthImage) -> bool:
+    """Whether an image's columns begin again where they end."""
+    projection = image.camera.projection
+    return isinstance(projection, Equirectangular) and projection.wraps

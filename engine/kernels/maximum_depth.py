@@ -18,6 +18,7 @@ from .tone import mean_luma, toned_code
 
 __all__ = [
     "PHASES",
+    "TILE",
     "farther_than",
     "fuse_maximum_depth",
     "prepare_maximum_depth",
@@ -26,7 +27,10 @@ __all__ = [
 ]
 
 TILE = 64  # columns that are compared at once before any is written
-PHASES = 8  # provisional colours are looked at again, and depth is fused, in every so many frames, other rows in each
+# Every frame looks at one of so many pairs of rows, another one each time: for what has changed, for provisional
+# colours, and to fuse depth. So many pairs and TILE columns are a block.
+PHASES = 8
+_FRESH, _TRIED = 1, 2  # provisional colours: those that were still beside something nearer wait for a whole look
 # How many frames a mean may hold: with more it would follow nothing any more. Colours change sooner, with light and
 # shadow, and a first one that was mixed with someone's who was about to leave is soon forgotten.
 DEPTH_FRAMES, COLOUR_FRAMES = 32, 8
@@ -104,82 +108,143 @@ def _any_farther(new: U16, limits: U16, lowest: int) -> bool:
 
 
 @numba.njit(inline="always", cache=True)
-def _any_set(flags: U8) -> bool:
+def _any_set(flags: U8, bits: int) -> bool:
     found = np.uint8(0)
     for x in range(TILE):
         found |= flags[x]
-    return found != 0
+    return found & bits != 0
+
+
+@numba.njit(inline="always", cache=True)
+def _pair_farther(pair: int, x: int, new_codes: U16, limits: U16, lowest: int) -> bool:
+    """Whether anything is farther in TILE columns from x on of a pair of rows."""
+    found = False
+    for row in range(2 * pair, min(2 * pair + 2, limits.shape[0])):
+        found |= _any_farther(new_codes[row, x : x + TILE], limits[row, x : x + TILE], lowest)
+    return found
+
+
+@numba.njit(inline="always", cache=True)
+def _pair_set(pair: int, x: int, flags: U8, bits: int) -> bool:
+    found = False
+    for row in range(2 * pair, min(2 * pair + 2, flags.shape[0])):
+        found |= _any_set(flags[row, x : x + TILE], bits)
+    return found
+
+
+@numba.njit(inline="always", cache=True)
+def _concerned(pair: int, column: int, new: U16, limits: U16, provisional: U8, lowest: int) -> bool:
+    """Whether one of the 2x2 pixels that share one chroma sample is farther, or has a provisional colour."""
+    top, bottom = 2 * pair, min(2 * pair + 1, limits.shape[0] - 1)
+    left, right = 2 * column, min(2 * column + 1, limits.shape[1] - 1)
+    waiting = provisional[top, left] | provisional[top, right] | provisional[bottom, left] | provisional[bottom, right]
+    return (
+        (waiting != 0)
+        | (np.uint16(new[top, left] - lowest) < limits[top, left])
+        | (np.uint16(new[top, right] - lowest) < limits[top, right])
+        | (np.uint16(new[bottom, left] - lowest) < limits[bottom, left])
+        | (np.uint16(new[bottom, right] - lowest) < limits[bottom, right])
+    )
+
+
+@numba.njit(inline="always", cache=True)
+def _stirred(changed: I64, band: int, tile: int) -> bool:
+    """Whether a block or one of its four neighbours has changed."""
+    bands, tiles = changed.shape
+    beside = changed[band, max(tile - 1, 0)] + changed[band, min(tile + 1, tiles - 1)]
+    return changed[band, tile] + beside + changed[max(band - 1, 0), tile] + changed[min(band + 1, bands - 1), tile] > 0
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def update_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
-    limits: U16, updated: U8, provisional: U8, fused: U8, counts: I64, rules: F64, tone: F64, phase: int,
+    limits: U16, updated: U8, provisional: U8, fused: U8, by_code: U16, before: I64, counts: I64, rules: F64,
+    tone: F64, number: int, whole: bool,
 ) -> None:  # fmt: skip
     """Takes over depth and colour where the new view is farther by a nontrivial amount, or sees something first.
 
     The colour is kept in another tone, packed (`kernels.tone`).
 
-    codes, y, limits, updated, provisional, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; counts [(h + 1) // 2]:
-    pixels updated per pair of rows. `updated` and `fused` are set to 1 there, and `updated` is never cleared. A
-    provisional colour is replaced when the same surface is seen away from depth edges, within PHASES calls with a
-    `phase` that counts up.
+    A call looks at one pair of rows of each block, another one as `number` counts up: reading all that has not changed
+    costs more than everything else. Where that pair has changed, or the block or a neighbour of it had in the call
+    before, it looks at the whole block; with `whole` at all of them. So nothing that stays for PHASES calls is missed,
+    and at once what is as high as a block.
+
+    codes, y, limits, updated, provisional, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; before, counts: pixels
+    updated per block in the call before and in this one. `updated` and `fused` are set to 1 there, and `updated` is
+    never cleared. A provisional colour is replaced when the same surface is seen away from depth edges: looked at once
+    within PHASES calls, and then whenever `whole`.
     """
     h, w = codes.shape
-    lowest = np.uint16(rules[2])
-    for pair in numba.prange((h + 1) // 2):
-        count, last = 0, min(2 * pair + 2, h)
-        for start in range(0, w, TILE):
+    lowest, wanted = np.uint16(rules[2]), _FRESH | _TRIED if whole else _FRESH
+    for band in numba.prange(counts.shape[0]):
+        first = np.int64(band) * PHASES
+        last = min(first + PHASES, (h + 1) // 2)
+        look = first + number % (last - first)
+        for tile in range(counts.shape[1]):
+            start, count = tile * TILE, 0
             x0 = max(min(start, w - TILE), 0)  # the last tile overlaps the one before
-            found = w < TILE
-            if not found:
-                for row in range(2 * pair, last):
-                    found |= _any_farther(new_codes[row, x0 : x0 + TILE], limits[row, x0 : x0 + TILE], lowest)
-                    if (pair - phase) % PHASES == 0:
-                        found |= _any_set(provisional[row, x0 : x0 + TILE])
-            if found:
-                for column in range(start // 2, (min(start + TILE, w) + 1) // 2):
-                    count += _update_quad(
-                        pair, column, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, limits, updated,
-                        provisional, fused, rules, tone,
-                    )  # fmt: skip
-        counts[pair] = count
+            narrow = w < TILE
+            every = narrow or whole or _stirred(before, band, tile)
+            every = every or _pair_farther(look, x0, new_codes, limits, lowest)
+            if every or _pair_set(look, x0, provisional, wanted):
+                for pair in range(first if every else look, last if every else look + 1):
+                    if (
+                        narrow
+                        or _pair_farther(pair, x0, new_codes, limits, lowest)
+                        or ((whole or pair == look) and _pair_set(pair, x0, provisional, wanted))
+                    ):
+                        for column in range(start // 2, (min(start + TILE, w) + 1) // 2):
+                            if _concerned(pair, column, new_codes, limits, provisional, lowest):
+                                count += _update_quad(
+                                    pair, column, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, limits,
+                                    updated, provisional, fused, by_code, rules, tone,
+                                )  # fmt: skip
+            counts[band, tile] = count
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _update_quad(
     pair: int, column: int, new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16,
-    cr: U16, limits: U16, updated: U8, provisional: U8, fused: U8, rules: F64, tone: F64,
+    cr: U16, limits: U16, updated: U8, provisional: U8, fused: U8, by_code: U16, rules: F64, tone: F64,
 ) -> int:  # fmt: skip
     """The 2x2 pixels that share one chroma sample; returns how many of them were updated."""
     h, w = codes.shape
     lowest, edge = int(rules[2]), int(rules[5])
+    bottom, right = min(2 * pair + 2, h), min(2 * column + 2, w)
     count, coloured, foreground = 0, 0, 0
-    for row in range(2 * pair, min(2 * pair + 2, h)):
-        for x in range(2 * column, min(2 * column + 2, w)):
-            new, old = int(new_codes[row, x]), int(codes[row, x])
+    for row in range(2 * pair, bottom):
+        for x in range(2 * column, right):
+            new = int(new_codes[row, x])
             if new < lowest:
                 continue
             if new - lowest < limits[row, x]:
-                codes[row, x] = new
-                limits[row, x] = _limit(new, rules)
+                codes[row, x], limits[row, x] = new, by_code[new]
                 y[row, x] = toned_code(tone[0], new_y[row, x], tone[1])
                 updated[row, x] = fused[row, x] = 1
-                provisional[row, x] = _beside_nearer(new_codes, row, x, edge)
+                provisional[row, x] = _FRESH if _beside_nearer(new_codes, row, x, edge) else 0
                 count += 1
                 coloured += 1
-            elif old - lowest < _limit(new, rules):
-                foreground += 1
-            elif provisional[row, x] != 0 and not _beside_nearer(new_codes, row, x, edge):
+            elif provisional[row, x] != 0:
+                behind = int(codes[row, x]) - lowest < by_code[new]
+                if behind or _beside_nearer(new_codes, row, x, edge):
+                    provisional[row, x] = _TRIED
+                    continue
                 y[row, x] = toned_code(tone[0], new_y[row, x], tone[1])
                 provisional[row, x] = 0
                 coloured += 1
-    if coloured > 0 and foreground == 0:
+    if coloured == 0:
+        return count
+    for row in range(2 * pair, bottom):
+        for x in range(2 * column, right):
+            new = int(new_codes[row, x])
+            foreground += new >= lowest and int(codes[row, x]) - lowest < by_code[new]
+    if foreground == 0:
         luma = mean_luma(new_y, 2 * pair, 2 * column)
         cb[pair, column] = toned_code(tone[2], new_cb[pair, column], tone[3] * luma + tone[4])
         cr[pair, column] = toned_code(tone[5], new_cr[pair, column], tone[6] * luma + tone[7])
-    elif coloured > 0:  # the sample is partly of something nearer: wait until that has moved on
-        provisional[2 * pair : 2 * pair + 2, 2 * column : 2 * column + 2] = 1
+    else:  # the sample is partly of something nearer: wait until that has moved on
+        provisional[2 * pair : 2 * pair + 2, 2 * column : 2 * column + 2] = _FRESH
     return count
 
 

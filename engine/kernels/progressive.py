@@ -19,6 +19,7 @@ F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
+B1 = npt.NDArray[np.bool_]
 
 # A candidate needs this many of its eight neighbours to be in the P-PBS, or accepted, as well: what someone uncovers
 # is a region, a wrong depth mostly a lone pixel. A corner of two by two pixels has three.
@@ -39,83 +40,120 @@ def _neighbours(kept: U8, y: int, x: int) -> int:
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def accept_candidates(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, updated: U8, kept: U8,
-    delta: float, counts: I64,
+    delta: float, blocks: I64, height: int, width: int, counts: I64,
 ) -> None:  # fmt: skip
     """The filter of Fig. 6b: an updated pixel is kept if its point is more than delta behind the farthest hit.
 
-    Clears `updated` [h, w], but for lone pixels: these are candidates again next time. counts [h, 3]: candidates,
-    accepted ones, and pixels that were kept before and have changed. coding as in `coverage.keep_farther`.
+    Looks at blocks [n, 2] of height x width pixels only, which must hold all updated ones. Clears `updated` [h, w], but
+    for lone pixels: these are candidates again next time. counts [n, 4]: candidates, accepted ones, pixels that were
+    kept before and have changed, lone ones. coding as in `coverage.keep_farther`.
     """
     h, w = codes.shape
-    for y in numba.prange(h):
-        candidates, changed = 0, 0
-        for x in range(w):
-            if updated[y, x] == 0:
-                continue
-            updated[y, x] = 0
-            candidates += 1
-            if kept[y, x] != 0:
-                changed += 1
-                continue
-            # Off the outermost pixels' centres, where the mesh ends: rays there may just miss it.
-            u, v = min(max(x + 0.5, 0.51), w - 0.51), min(max(y + 0.5, 0.51), h - 0.51)
-            distance, _u, _v, _geometry, _primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
-            depth = 1.0 / (coding[0] + coding[1] * max(float(codes[y, x]), coding[3]))
-            if distance < 0.0:
-                kept[y, x] = _CONFIRMED  # a hole in the PBS is filled, be it a pixel's
-            elif depth * length > distance + delta:
-                kept[y, x] = _ACCEPTED
-        counts[y, 0], counts[y, 1], counts[y, 2] = candidates, 0, changed
-    for y in numba.prange(h):
-        for x in range(w):
-            if kept[y, x] == _ACCEPTED and _neighbours(kept, y, x) >= _NEIGHBOURS:
-                kept[y, x] = _CONFIRMED  # still not zero, which is all that its neighbours ask
-    for y in numba.prange(h):
-        for x in range(w):
-            if kept[y, x] == _CONFIRMED:
-                kept[y, x] = 1
-                counts[y, 1] += 1
-            elif kept[y, x] == _ACCEPTED:
-                kept[y, x] = 0
-                updated[y, x] = 1
+    for k in numba.prange(blocks.shape[0]):
+        counts[k] = 0
+        top, left = blocks[k, 0] * height, blocks[k, 1] * width
+        for y in range(top, min(top + height, h)):
+            for x in range(left, min(left + width, w)):
+                if updated[y, x] == 0:
+                    continue
+                updated[y, x] = 0
+                counts[k, 0] += 1
+                if kept[y, x] != 0:
+                    counts[k, 2] += 1
+                    continue
+                # Off the outermost pixels' centres, where the mesh ends: rays there may just miss it.
+                u, v = min(max(x + 0.5, 0.51), w - 0.51), min(max(y + 0.5, 0.51), h - 0.51)
+                distance, _u, _v, _geometry, _primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
+                depth = 1.0 / (coding[0] + coding[1] * max(float(codes[y, x]), coding[3]))
+                if distance < 0.0:
+                    kept[y, x] = _CONFIRMED  # a hole in the PBS is filled, be it a pixel's
+                elif depth * length > distance + delta:
+                    kept[y, x] = _ACCEPTED
+    for k in numba.prange(blocks.shape[0]):
+        top, left = blocks[k, 0] * height, blocks[k, 1] * width
+        for y in range(top, min(top + height, h)):
+            for x in range(left, min(left + width, w)):
+                if kept[y, x] == _ACCEPTED and _neighbours(kept, y, x) >= _NEIGHBOURS:
+                    kept[y, x] = _CONFIRMED  # still not zero, which is all that its neighbours ask
+    for k in numba.prange(blocks.shape[0]):
+        top, left = blocks[k, 0] * height, blocks[k, 1] * width
+        for y in range(top, min(top + height, h)):
+            for x in range(left, min(left + width, w)):
+                if kept[y, x] == _CONFIRMED:
+                    kept[y, x] = 1
+                    counts[k, 1] += 1
+                elif kept[y, x] == _ACCEPTED:
+                    kept[y, x] = 0
+                    updated[y, x] = 1
+                    counts[k, 3] += 1
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _extent(a: float, b: float, c: float) -> tuple[int, int]:
+    """The pixels, from the first to before the last, whose centres lie between the least and the greatest of three."""
+    return math.ceil(min(a, b, c) - 0.5), math.floor(max(a, b, c) - 0.5) + 1
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _covers(uv: F32, a: int, b: int, c: int, x: int, y: int) -> bool:
+    """Whether a triangle covers or touches a pixel's centre."""
+    px, py = x + 0.5, y + 0.5
+    ax, ay, bx, by = uv[a, 0] - px, uv[a, 1] - py, uv[b, 0] - px, uv[b, 1] - py
+    cx, cy = uv[c, 0] - px, uv[c, 1] - py
+    ab, bc, ca = ax * by - ay * bx, bx * cy - by * cx, cx * ay - cy * ax
+    return (ab >= 0.0 and bc >= 0.0 and ca >= 0.0) or (ab <= 0.0 and bc <= 0.0 and ca <= 0.0)
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def paint_triangles(uv: F32, triangles: I32, invalid: U8, wraps: bool, numbers: I32) -> None:
-    """Writes each valid triangle's number to all pixels whose centre it covers or touches; the rest are left."""
+def paint_triangles(uv: F32, triangles: I32, invalid: U8, wraps: bool, erase: bool, numbers: I32) -> None:
+    """Writes each valid triangle's number, or -1 to erase them, to all pixels whose centre it covers or touches."""
     h, w = numbers.shape
     for i in numba.prange(triangles.shape[0]):
         if invalid[i] != 0:
             continue
         a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
-        ax, ay, bx, by = uv[a, 0], uv[a, 1], uv[b, 0], uv[b, 1]
-        cx, cy = uv[c, 0], uv[c, 1]
-        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        sign = 1.0 if area > 0 else -1.0
-        for y in range(max(0, math.ceil(min(ay, by, cy) - 0.5)), min(h - 1, math.floor(max(ay, by, cy) - 0.5)) + 1):
-            for x in range(math.ceil(min(ax, bx, cx) - 0.5), math.floor(max(ax, bx, cx) - 0.5) + 1):
-                px, py = x + 0.5, y + 0.5
-                if (
-                    sign * ((bx - ax) * (py - ay) - (by - ay) * (px - ax)) >= 0.0
-                    and sign * ((cx - bx) * (py - by) - (cy - by) * (px - bx)) >= 0.0
-                    and sign * ((ax - cx) * (py - cy) - (ay - cy) * (px - cx)) >= 0.0
-                    and (wraps or (x >= 0 and x < w))
-                ):
-                    numbers[y, x % w] = i
+        x0, x1 = _extent(uv[a, 0], uv[b, 0], uv[c, 0])
+        y0, y1 = _extent(uv[a, 1], uv[b, 1], uv[c, 1])
+        for y in range(max(y0, 0), min(y1, h)):
+            for x in range(x0, x1):
+                if (wraps or (x >= 0 and x < w)) and _covers(uv, a, b, c, x, y):
+                    numbers[y, x % w] = -1 if erase else i
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def clear_culled(numbers: I32, kept: U8) -> None:
-    """A kept pixel that no valid triangle touches any more is kept no longer."""
-    for y in numba.prange(kept.shape[0]):
-        for x in range(kept.shape[1]):
-            if numbers[y, x] < 0:
-                kept[y, x] = 0
+def clear_culled(uv: F32, triangles: I32, invalid: U8, wraps: bool, numbers: I32, kept: U8) -> None:
+    """A pixel of an invalid triangle that no valid one touches (numbers: see `paint_triangles`) is kept no longer."""
+    h, w = numbers.shape
+    for i in numba.prange(triangles.shape[0]):
+        if invalid[i] == 0:
+            continue
+        a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
+        x0, x1 = _extent(uv[a, 0], uv[b, 0], uv[c, 0])
+        y0, y1 = _extent(uv[a, 1], uv[b, 1], uv[c, 1])
+        for y in range(max(y0, 0), min(y1, h)):
+            for x in range(x0, x1):
+                if (wraps or (x >= 0 and x < w)) and numbers[y, x % w] < 0 and _covers(uv, a, b, c, x, y):
+                    kept[y, x % w] = 0
+
+
+@numba.njit(inline="always", cache=True)
+def _meets(blocks: B1, x0: int, x1: int, y0: int, y1: int) -> bool:
+    """Whether one of the blocks from (x0, y0) to (x1, y1) is set; their columns begin again on the left."""
+    for y in range(max(y0, 0), min(y1, blocks.shape[0] - 1) + 1):
+        for x in range(x0, x1 + 1):
+            if blocks[y, x % blocks.shape[1]]:
+                return True
+    return False
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def inherit_marks(uv: F32, triangles: I32, numbers: I32, old: U64, new: U64) -> None:
-    """A new triangle gets the marks of the old one at its centroid, or none."""
+def inherit_marks(
+    uv: F32, triangles: I32, numbers: I32, old: U64, new: U64, changed: B1, height: int, width: int, news: B1
+) -> None:
+    """A new triangle gets the marks of the old one at its centroid, or none.
+
+    It is news [m] where there was none, or where it meets one of the changed blocks of height x width pixels.
+    """
     h, w = numbers.shape
     for i in numba.prange(triangles.shape[0]):
         a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
@@ -124,3 +162,6 @@ def inherit_marks(uv: F32, triangles: I32, numbers: I32, old: U64, new: U64) -> 
         before = numbers[y, x]
         for word in range(new.shape[1]):
             new[i, word] = old[before, word] if before >= 0 else numba.uint64(0)
+        x0, x1 = min(uv[a, 0], uv[b, 0], uv[c, 0]) / width, max(uv[a, 0], uv[b, 0], uv[c, 0]) / width
+        y0, y1 = min(uv[a, 1], uv[b, 1], uv[c, 1]) / height, max(uv[a, 1], uv[b, 1], uv[c, 1]) / height
+        news[i] = before < 0 or _meets(changed, math.floor(x0), math.floor(x1), math.floor(y0), math.floor(y1))
