@@ -206,13 +206,31 @@ def test_triangles_smaller_than_the_stride_are_not_missed():
         assert np.all(pbs.static[0].marks != 0)
 
 
+@pytest.mark.parametrize("culled", [0.05, 0.5])
+def test_a_surface_is_compacted_where_much_of_it_is_culled(culled):
+    pbs = ProbableBackgroundSurface(1)
+    mesh = sheets(2)[0]
+    pbs.set_static(0, mesh)
+    surface = pbs.static[0]
+    surface.marks[:, 0] = np.arange(len(surface.marks))
+    surface.invalid[: int(culled * len(surface.invalid))] = 1
+    valid = surface.invalid == 0
+    pbs.compact_static()
+    pbs.commit()
+    left = pbs.static[0]
+    assert left.valid_count == valid.sum()
+    assert len(left.invalid) == (len(valid) if culled < 0.1 else valid.sum())
+    np.testing.assert_array_equal(left.mesh.triangles[left.invalid == 0], mesh.triangles[valid])
+    np.testing.assert_array_equal(left.marks[left.invalid == 0], surface.marks[valid])
+
+
 # The model
 
 
 def test_the_first_frame_is_the_wall_and_the_box_before_it():
     cameras = camera_row()
     model, report = model_of(cameras, frame(0, cameras, box_y=0.0))
-    assert report.s_pbs == report.s_pbs_valid > 0
+    assert 0 < report.s_pbs_valid <= report.s_pbs
     assert report.p_pbs == 0
     depth, luma = pbi_of(model, cameras[1])
     behind = np.isclose(depth, WALL_X, atol=0.02)

@@ -128,7 +128,7 @@ def test_geometries_are_replaced_and_removed():
     scene, _flags = scene_of(near, far)
     camera = Camera("c", Perspective.from_fov(10, 10, 0.5), Pose(), CODING)
     moved = (far[0] + np.float32([2, 0, 0]), far[1])
-    scene.set(1, *moved, np.zeros(len(far[1]), np.uint8), fast_build=True)
+    scene.set(1, *moved, np.zeros(len(far[1]), np.uint8))
     scene.commit()
     assert 5.0 < cast(scene, camera, [(5.2, 5.1)])[0, 0] < 5.3
     scene.set(1, far[0], far[1][:0], np.zeros(0, np.uint8))

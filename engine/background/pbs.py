@@ -13,6 +13,10 @@ from ..mesh import Mesh
 
 __all__ = ["ProbableBackgroundSurface", "Surface"]
 
+# Where at least this share of a surface's triangles is valid, rays lose less time by passing through the others than it
+# takes to build its hierarchy without them.
+_DENSE = 0.9
+
 
 @dataclass(frozen=True, slots=True)
 class Surface:
@@ -59,11 +63,11 @@ class ProbableBackgroundSurface:
 
     def set_static(self, camera: int, mesh: Mesh) -> None:
         """A camera's part of the S-PBS, without marks."""
-        self.static[camera] = self._put(self._camera_count + camera, camera, mesh, fast_build=False)
+        self.static[camera] = self._put(self._camera_count + camera, camera, mesh)
 
     def set_progressive(self, camera: int, mesh: Mesh) -> Surface:
         """Replaces a camera's part of the P-PBS, without marks."""
-        self.progressive[camera] = self._put(camera, camera, mesh, fast_build=True)
+        self.progressive[camera] = self._put(camera, camera, mesh)
         return self.progressive[camera]
 
     def move(self, camera: int, moved: Callable[[Mesh], npt.NDArray[np.float32]]) -> None:
@@ -72,13 +76,15 @@ class ProbableBackgroundSurface:
             if camera in part:
                 old = part[camera]
                 mesh = Mesh(moved(old.mesh), old.mesh.uv, old.mesh.triangles)
-                part[camera] = new = self._put(geometry, camera, mesh, fast_build=part is self.progressive)
+                part[camera] = new = self._put(geometry, camera, mesh)
                 new.marks[:], new.invalid[:] = old.marks, old.invalid
 
     def compact_static(self) -> None:
-        """Drops the invalid triangles of the S-PBS; marks stay. Counts after `commit`."""
+        """Drops the invalid triangles of the S-PBS where they are many; marks stay. Counts after `commit`."""
         for camera, surface in list(self.static.items()):
             valid = surface.invalid == 0
+            if np.count_nonzero(valid) > _DENSE * len(valid):
+                continue
             self.set_static(camera, Mesh(surface.mesh.points, surface.mesh.uv, surface.mesh.triangles[valid]))
             self.static[camera].marks[:] = surface.marks[valid]
 
@@ -95,13 +101,13 @@ class ProbableBackgroundSurface:
         yield from self.static.values()
         yield from self.progressive.values()
 
-    def _put(self, geometry: int, camera: int, mesh: Mesh, *, fast_build: bool) -> Surface:
+    def _put(self, geometry: int, camera: int, mesh: Mesh) -> Surface:
         count = len(mesh.triangles)
         mesh = Mesh(
             np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.uv), np.ascontiguousarray(mesh.triangles)
         )
         surface = Surface(mesh, np.zeros((count, self.words), np.uint64), np.zeros(count, np.uint8))
-        self._scene.set(geometry, mesh.points, mesh.triangles, surface.invalid, fast_build=fast_build)
+        self._scene.set(geometry, mesh.points, mesh.triangles, surface.invalid)
         self.marks_table[geometry] = surface.marks.ctypes.data, 8 * self.words
         self.surface_table[geometry] = (
             mesh.triangles.ctypes.data, mesh.uv.ctypes.data, camera, mesh.points.ctypes.data
