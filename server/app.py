@@ -17,6 +17,7 @@ from fastapi.staticfiles import StaticFiles
 
 from .export import export_mesh, export_metrics
 from .ingest import serve_source
+from .interpreter import responsive
 from .poses import serve_viewer
 from .service import Service
 from .settings import ServerSettings
@@ -33,7 +34,7 @@ def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | N
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         maker, workers = make_core or _engine_maker(settings), settings.render_workers
         live = Live(maker, render_workers=workers, governor=settings.governor())
-        async with live:
+        async with live, responsive(lambda: live.frames["updated"]):
             app.state.service = Service(live, settings)
             yield
 

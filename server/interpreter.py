@@ -1,0 +1,41 @@
+"""Python set up for a service whose event loop must not wait for other threads."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import sys
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+__all__ = ["responsive"]
+
+_SWITCH_S = 0.0003  # how long a thread may keep the interpreter while another wants it; Python's default is 5 ms
+_FREEZE_AFTER = (1, 2, 4, 8, 16)  # frames: by then every kernel has been loaded
+
+
+@asynccontextmanager
+async def responsive(frames: Callable[[], int]) -> AsyncIterator[None]:
+    """Short turns at the interpreter, and a garbage collector that does not look through what start-up made.
+
+    A full collection looks at every object of the compiler and its kernels, 60 ms with everything else at a stop; after
+    a few `frames` these objects are set aside, and a collection takes less than one.
+    """
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH_S)
+    freezing = asyncio.create_task(_set_aside(frames))
+    try:
+        yield
+    finally:
+        freezing.cancel()
+        await asyncio.gather(freezing, return_exceptions=True)
+        sys.setswitchinterval(before)
+        gc.unfreeze()
+
+
+async def _set_aside(frames: Callable[[], int]) -> None:
+    for number in _FREEZE_AFTER:
+        while frames() < number:
+            await asyncio.sleep(0.5)
+        gc.collect()
+        gc.freeze()
