@@ -39,7 +39,6 @@ V = TypeVar("V", StereoView, Camera, StereoView | Camera)
 
 _STEREO_VIEWERS = 4  # stereo pairs that are rendered at the same time
 _NEAR = 0.02  # of the depth range's near end: nearer to the eye nothing is drawn
-_FIRST_VIEWS = 3  # views made ready in the back end where the later ones may have nothing to draw
 
 
 @dataclass(slots=True)
@@ -124,11 +123,11 @@ class Engine:
     ) -> BackEndReport:
         """Take a frame: update the background model, render each viewer's PBI, then swap the buffers.
 
-        `speeds` are the viewers' head speeds in m/s, for the PBI's margin.
+        `viewers` may change meanwhile: what the next pictures draw is made for where the heads are by then. `speeds`
+        are the viewers' head speeds in m/s, for the PBI's margin.
         """
         self._check(frame)
-        settings, stages = self.settings, Stages()
-        viewers = {name: _scaled(viewer, settings) for name, viewer in (viewers or {}).items()}
+        settings, stages, viewers = self.settings, Stages(), viewers or {}
         if self._scene is None:
             self._scene = Scene.of([view.camera for view in frame.views], settings, frame)
         scene = self._scene
@@ -149,22 +148,27 @@ class Engine:
             backdrops, pbi_rays = {}, 0
             for name, viewer in viewers.items():
                 if self._model is not None:
-                    backdrops[name], rays = self._backdrop(viewer, (speeds or {}).get(name, 0.0), scene, present)
+                    speed, scaled = (speeds or {}).get(name, 0.0), _scaled(viewer, settings)
+                    backdrops[name], rays = self._backdrop(scaled, speed, scene, present)
+                    backdrops[name].mesh()
                     pbi_rays += rays
         with timed(stages, "triangulate"):
-            ready = None if settings.overdraw else _FIRST_VIEWS
             for viewer in viewers.values():
-                chosen = self._select(viewer, views, scene, settings)
-                for k in chosen[ready:] if ready else ():
-                    views[k].completed  # noqa: B018 (colours are fetched by it, whether or not a mesh is drawn)
-                for k in chosen[:ready]:
-                    for part in views[k].parts:
-                        views[k].mesh(part)
-                if settings.prefilter:  # otherwise the first picture would make them
-                    resolution = pixels_per_radian(self._target(viewer, scene))
-                    ViewTable([views[k] for k in chosen], drawn=len(chosen)).at(resolution)
+                self._make_ready(_scaled(viewer, settings), views, scene, settings)
         self._front = _FrontBuffer(frame, scene, views, present, tones, settings, backdrops)
         return BackEndReport(frame.index, stages, report, pbi_rays, sum(view.triangle_count for view in views))
+
+    def _make_ready(
+        self, viewer: Viewer, views: Sequence[PreparedView], scene: Scene, settings: Settings
+    ) -> None:
+        """Make all that a viewer's pictures draw: otherwise the first one would, and come late."""
+        chosen = [views[k] for k in self._select(viewer, views, scene, settings)]
+        for view in chosen:
+            for part in (*view.parts, "rims") if settings.rims else view.parts:
+                view.mesh(part)
+        table = ViewTable(chosen, drawn=len(chosen))
+        if settings.prefilter:
+            table.at(pixels_per_radian(self._target(viewer, scene)))
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
         """Render both eyes from the newest frame; `viewer` names whose PBI is the backdrop."""

@@ -11,7 +11,7 @@ import asyncio
 import logging
 import math
 import time
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, ItemsView, Iterator, Mapping, ValuesView
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager, contextmanager
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ class Core(Protocol):
     f_vin: float
 
     def update(self, frame: Frame, viewers: Mapping[str, StereoView], speeds: Mapping[str, float]) -> Report:
-        """Take a frame and make it the one that is rendered; in the back-end thread."""
+        """Take a frame and make it the one that is rendered; in the back-end thread. `viewers` change meanwhile."""
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
         """Render the newest frame; in any thread."""
@@ -165,6 +165,33 @@ class LiveViewer(Generic[Tag]):
         }
 
 
+class _Newest(Mapping[str, StereoView]):
+    """Where the viewers look at the moment of asking, in any thread; those that have left meanwhile are left out."""
+
+    def __init__(self, viewers: Mapping[str, LiveViewer[Any]]) -> None:
+        self._viewers = viewers
+
+    def _views(self) -> dict[str, StereoView]:
+        return {name: viewer.view for name, viewer in list(self._viewers.items())}
+
+    def __getitem__(self, name: str) -> StereoView:
+        return self._viewers[name].view
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._views())
+
+    def __len__(self) -> int:
+        return len(self._viewers)
+
+    def items(self) -> ItemsView[str, StereoView]:
+        """Names and views, all of one moment."""
+        return self._views().items()
+
+    def values(self) -> ValuesView[StereoView]:
+        """Views, all of one moment."""
+        return self._views().values()
+
+
 def _leave_a_core() -> None:
     """The back end's kernels leave a core to rendering: a late frame is less noticed than a late picture."""
     set_thread_count(max(1, thread_count() - 1))
@@ -252,7 +279,7 @@ class Live(AbstractAsyncContextManager["Live"]):
                 settled.cancel()  # only where a shutdown came in between
 
     async def _update(self, core: Core, source: Source, frame: Frame, settled: asyncio.Future[bool]) -> None:
-        viewers = {name: viewer.view for name, viewer in self._viewers.items()}
+        viewers = _Newest(self._viewers)
         speeds = {name: viewer.speed for name, viewer in self._viewers.items()}
         # The PBI lasts until the next one is ready: the attained rate counts, not the nominal one.
         core.f_vin = min(source.fps, self.frame_rate.per_second() or source.fps)

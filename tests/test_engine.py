@@ -13,6 +13,7 @@ from farside.engine.camera import Perspective, Pose
 from farside.engine.engine import Engine
 from farside.engine.frame import Frame
 from farside.engine.metrics import psnr
+from farside.engine.prepared import PreparedView
 from farside.engine.settings import Settings
 from farside.engine.stereo import StereoView
 from farside.engine.synth import make_twin, twin_frame
@@ -55,6 +56,39 @@ def test_eyes_are_offset_to_the_left_and_to_the_right():
     shift = HEAD.left.fx * HEAD.ipd / BOX_X
     columns = [np.flatnonzero(p.disparity[20] > 1.1 / WALL_X).mean() for p in (pair.left, pair.right)]
     assert columns[0] - columns[1] == pytest.approx(shift, abs=1.0)
+
+
+class Moving(dict):
+    """A viewer whose head is elsewhere each time that one looks."""
+
+    def __init__(self, *views):
+        super().__init__(me=views[0])
+        self._coming = list(views)
+
+    def values(self):
+        return self.items().mapping.values()
+
+    def items(self):
+        self["me"] = self._coming.pop(0)
+        return dict(self).items()
+
+
+@pytest.mark.parametrize("quality", ["fast", "balanced", "best"])
+def test_a_picture_makes_nothing_that_the_update_could_have_made(quality, monkeypatch):
+    """For where the head is when the update ends, not where it was when it began."""
+    cameras = camera_row()
+    engine = Engine(cameras, Settings.preset(quality, n_render=2))
+    before, after = (HEAD.moved(Pose.from_euler((0.0, y, 0.0), 0.3 * y, 0.0, 0.0)) for y in (0.5, -0.5))
+    made = []
+    original = PreparedView._triangulate
+    monkeypatch.setattr(PreparedView, "_triangulate", lambda self, part: made.append(part) or original(self, part))
+    engine.update(frame(0, cameras, 0.0), {"me": before})
+    assert len(made) > 2
+    assert set(engine.render(before, "me").left.report.views) != set(engine.render(after, "me").left.report.views)
+    engine.update(frame(1, cameras, 0.1), Moving(before, after))
+    made.clear()
+    engine.render(after, "me")
+    assert made == []
 
 
 def test_eyes_turn_with_the_head():
