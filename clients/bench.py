@@ -14,13 +14,13 @@ __all__ = ["command"]
 
 def command(
     folders: Annotated[
-        list[Path] | None, typer.Argument(metavar="FOLDER", help="Sequences, or folders of them (--accuracy).")
+        list[Path] | None, typer.Argument(metavar="FOLDER", help="Sequences, or folders of them (--accuracy, --trade).")
     ] = None,
     accuracy: Annotated[
         bool, typer.Option("--accuracy", help="All quality figures over FOLDERs and --twins, with a report.")
     ] = False,
     twins: Annotated[
-        str | None, typer.Option(metavar="NAME,...", help="Twins to make on the fly, at --scale (--accuracy).")
+        str | None, typer.Option(metavar="NAME,...", help="Twins to make on the fly, at --scale (--accuracy, --trade).")
     ] = None,
     peers: Annotated[
         Path | None,
@@ -61,7 +61,7 @@ def command(
     ] = None,
     every: Annotated[
         int | None,
-        typer.Option(help="Look at every so many frames (--model, --backdrop 12, --accuracy 15, --fill 5).", min=1),
+        typer.Option(help="Every so many frames (--trade 4, --fill 5, --model, --backdrop 12, --accuracy 15).", min=1),
     ] = None,
     pairs: Annotated[
         str | None, typer.Option(metavar="NAME", help="Stereo pairs a second of a twin while the model is updated.")
@@ -83,6 +83,9 @@ def command(
     minified: Annotated[
         str | None, typer.Option(metavar="NAME", help="A twin in pictures coarser than its views, prefiltered or not.")
     ] = None,
+    trade: Annotated[
+        bool, typer.Option("--trade", help="Every knob's cost and worth over FOLDERs and --twins, with a report.")
+    ] = False,
     stages: Annotated[
         str | None,
         typer.Option(metavar="SEQ|NAME", help="Time and work of every stage, on a sequence or a twin at --scale."),
@@ -97,7 +100,8 @@ def command(
     frames: Annotated[
         int | None,
         typer.Option(
-            help="Frames at most (--stages 8, --accuracy and --fill 16, --targets 48, --flicker 60, else 100).", min=1
+            min=1,
+            help="Frames at most (--stages 8, --trade 12, --accuracy, --fill 16, --targets 48, --flicker 60, or 100).",
         ),
     ] = None,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for plots, pictures and figures.")] = None,
@@ -112,15 +116,22 @@ def command(
         "--sparse": sparse, "--backdrop": backdrop, "--exposure": exposure, "--minified": minified, "--fill": fill,
         "--flicker": flicker, "--live": live, "--stages": stages, "--targets": targets, "--scaling": scaling,
     }  # fmt: skip
-    if not accuracy and all(chosen is None for chosen in wishes.values()):
+    if not (accuracy or trade) and all(chosen is None for chosen in wishes.values()):
         raise ValueError(
-            f"bench: nothing to measure: expected --accuracy or one of {', '.join(wishes)}, with what to measure it on"
+            f"bench: nothing to measure: expected --accuracy, --trade or one of {', '.join(wishes)}, with what to "
+            "measure it on"
         )
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
 
         plan = make_plan(views, background, quality, frames, every)
         show_accuracy(folders or [], twins, scale, camera or [], plan, report)
+    if trade:
+        from farside.engine.bench.trade import Plan
+
+        from .benchmarks.trade import show_trade
+
+        show_trade(folders or [], twins, scale, Plan(frames or 12, every or 4), report)
     if stages is not None:
         from farside.engine.settings import Settings
 

@@ -1,0 +1,49 @@
+"""`farside bench --trade`: what each knob costs and is worth, and what is worth choosing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from farside.engine.bench.material import Material, TwinMaterial, find_sequences
+from farside.engine.bench.trade import Plan, Point, Row, step_count, summarise, sweep, variants
+from farside.engine.bench.trade_report import TITLES, fronts, point_table, write_report
+from farside.engine.synth import make_twin
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+__all__ = ["show_trade"]
+
+_TWINS = "museum,painter"  # clean depth and noisy depth
+
+
+def show_trade(folders: Sequence[Path], twins: str | None, scale: float, plan: Plan, report: Path | None) -> None:
+    """Print the points and the front; with `report`, write them, a plot and a summary into that folder."""
+    materials: list[Material] = list(find_sequences(folders))
+    names = twins if twins is not None else "" if materials else _TWINS
+    materials += [TwinMaterial(make_twin(name, scale)) for name in names.split(",") if name]
+    swept, rows = variants(), list[Row]()
+    # Stopped half-way there are still figures of what was done.
+    with suppress(KeyboardInterrupt), Progress(console=Console(stderr=True)) as bar:
+        for material in materials:
+            task = bar.add_task(f"{material.name}, {len(swept)} variants", total=step_count(plan, material))
+            rows += sweep(material, swept, plan, lambda task=task: bar.advance(task))  # type: ignore[misc]
+    points = summarise(rows, swept)
+    console = Console(width=140)
+    console.print(_table(points, "all points"))
+    by_time, by_bytes = fronts(points)
+    console.print(_table(by_time, "the front, time against IV-PSNR"))
+    console.print(_table(by_bytes, "the front, bytes against IV-PSNR as it arrives"))
+    if report:
+        console.print(f"report: {write_report(report, rows, points)}")
+
+
+def _table(points: Sequence[Point], title: str) -> Table:
+    table = Table(title=title)
+    for number, column in enumerate(TITLES):
+        table.add_column(column, justify="left" if number < 2 else "right")
+    for row in point_table(points):
+        table.add_row(*row)
+    return table
