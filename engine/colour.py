@@ -46,7 +46,7 @@ def encode_jpeg(texture: Texture, quality: int = 90) -> bytes:
     return data
 
 
-def decode_jpeg(data: bytes, height: int, width: int) -> Texture:
+def decode_jpeg(data: bytes | memoryview, height: int, width: int) -> Texture:
     """The texture of a JPEG picture; raises ValueError where it is none or has another size."""
     try:
         size = tuple(simplejpeg.decode_jpeg_header(data)[:2])

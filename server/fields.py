@@ -105,9 +105,9 @@ class Reader:
             raise self.fail(name, value, expected)
         return value
 
-    def data(self, name: str) -> bytes:
+    def data(self, name: str) -> bytes | memoryview:
         """Binary data."""
-        value: bytes = self._get(name, (bytes,), "binary data")
+        value: bytes | memoryview = self._get(name, (bytes, memoryview), "binary data")
         return value
 
     def items(self, name: str, low: int, high: int) -> list[Any]:

@@ -109,7 +109,7 @@ def _take_texture(picture: Picture | None, texture: Texture) -> None:
         np.copyto(getattr(texture, name), getattr(decoded, name))
 
 
-def _take_planes(data: Sequence[bytes] | None, texture: Texture, name: str) -> None:
+def _take_planes(data: Sequence[bytes | memoryview] | None, texture: Texture, name: str) -> None:
     """Checks what is in the texture's planes; data: what is to be put there first."""
     for number, field in enumerate(("y", "cb", "cr")):
         plane = getattr(texture, field)
@@ -124,11 +124,12 @@ def _take_depth(depth: DepthData | None, codes: Codes, max_code: int) -> None:
     _check_range(codes, "depth.data", max_code)
 
 
-def _bytes(plane: Codes) -> bytes:
-    return np.ascontiguousarray(plane, "<u2").tobytes()
+def _bytes(plane: Codes) -> memoryview:
+    """The bytes of a plane, not copied where they lie one after the other."""
+    return np.ascontiguousarray(plane, "<u2").data.cast("B")
 
 
-def _plane(data: bytes, shape: tuple[int, ...], name: str) -> Codes:
+def _plane(data: bytes | memoryview, shape: tuple[int, ...], name: str) -> Codes:
     """The plane as it lies in the data."""
     expected = 2 * math.prod(shape)
     if len(data) != expected:

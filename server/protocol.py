@@ -17,6 +17,7 @@ from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.depth import DepthCoding
 
 from .fields import CloseCode, ProtocolError, Quaternion, Reader, Vector
+from .unpack import unpack
 
 __all__ = [
     "MAX_CONTROL_BYTES",
@@ -49,6 +50,7 @@ __all__ = [
 VERSION = 1
 MAX_MESSAGE_BYTES = 64 << 20  # a raw view of 2048x2048 takes 21 MB
 MAX_CONTROL_BYTES = 64 << 10  # everything a viewer sends
+_LARGE = 1 << 20  # bytes
 MAX_CAMERAS = 256
 MAX_EYE_PX = 4096
 MAX_VIEW_PX = 8192
@@ -68,7 +70,7 @@ class Picture:
     """A texture on the wire: one JPEG, or the planes Y, Cb, Cr of 10-bit codes as uint16 little-endian."""
 
     encoding: str
-    planes: tuple[bytes, ...] = field(repr=False)
+    planes: tuple[bytes | memoryview, ...] = field(repr=False)
 
     def _fields(self) -> dict[str, Any]:
         return {"encoding": self.encoding, "planes": self.planes}
@@ -78,7 +80,7 @@ class Picture:
         encoding = reader.choice("encoding", PICTURE_PLANES)
         count = PICTURE_PLANES[encoding]
         planes = reader.items("planes", count, count)
-        if not all(isinstance(plane, bytes) for plane in planes):
+        if not all(isinstance(plane, bytes | memoryview) for plane in planes):
             raise reader.fail(
                 "planes", [type(p).__name__ for p in planes], "binary data", CloseCode.MALFORMED
             )
@@ -90,7 +92,7 @@ class DepthData:
     """Depth codes on the wire: uint16 little-endian rows (raw), or their differences deflated (zlib)."""
 
     encoding: str
-    data: bytes = field(repr=False)
+    data: bytes | memoryview = field(repr=False)
 
     def _fields(self) -> dict[str, Any]:
         return {"encoding": self.encoding, "data": self.data}
@@ -547,7 +549,8 @@ def decode(data: bytes, *allowed: type[Any], limit: int = MAX_MESSAGE_BYTES) -> 
     if len(data) > limit:
         raise ProtocolError(CloseCode.TOO_BIG, "message", f"{len(data)} bytes", f"at most {limit} bytes")
     try:
-        fields = msgpack.unpackb(data, raw=False, strict_map_key=True)
+        large = len(data) > _LARGE  # slower than msgpack for what is small, but its time does not grow with binary data
+        fields = unpack(data) if large else msgpack.unpackb(data, raw=False, strict_map_key=True)
     except (ValueError, TypeError, OverflowError, msgpack.UnpackException) as error:
         message = str(error) or type(error).__name__
         raise ProtocolError(CloseCode.MALFORMED, "message", message, "a msgpack map") from error
