@@ -14,14 +14,14 @@ __all__ = ["ChangedDirections"]
 
 
 class ChangedDirections:
-    """The directions from each camera in which there is new geometry since its last turn.
+    """The directions from each camera in which there is new geometry since its last turn, and how far away.
 
     packed [n, CAMERA_SIZE]: the cameras as kernels take them, read when they are needed.
     """
 
     def __init__(self, packed: npt.NDArray[np.float64]) -> None:
         self._packed = packed
-        self._cells = np.zeros((len(packed), ROWS, COLUMNS), np.uint8)
+        self._cells = np.zeros((len(packed), ROWS, COLUMNS), np.float32)  # metres; 0: none
 
     def add(self, mesh: Mesh, which: npt.NDArray[np.int64]) -> None:
         """Triangles of a mesh are new, or elsewhere."""
@@ -29,13 +29,15 @@ class ChangedDirections:
 
     def add_all(self) -> None:
         """All geometry may be elsewhere."""
-        self._cells[:] = 1
+        self._cells[:] = np.inf
 
-    def forget(self, camera: int, surfaces: list[Surface]) -> None:
-        """A camera's turn: takes its marks from what lies in the directions of changes, and forgets these."""
+    def forget(self, camera: int, surfaces: list[Surface], delta_m: float) -> None:
+        """A camera's turn: takes its marks from what has changes behind it, by delta / 2, and forgets these."""
         cells, word, bit = self._cells[camera], camera // 64, np.uint64(1 << (camera % 64))
         if cells.any():
             for surface in surfaces:
                 mesh = surface.mesh
-                forget_marks(self._packed[camera], mesh.points, mesh.triangles, cells, surface.marks, word, bit)
+                forget_marks(
+                    self._packed[camera], mesh.points, mesh.triangles, cells, 0.5 * delta_m, surface.marks, word, bit
+                )  # fmt: skip
             cells[:] = 0

@@ -279,17 +279,17 @@ class BackgroundModel:
         """Accepts candidates into the P-PBS; the blocks in which some were, or kept ones have changed."""
         image = self._images[c]
         blocks = np.argwhere(image.pending | image.lone)
-        counts = np.empty((len(blocks), 4), np.int64)
+        counts = np.empty((len(blocks), 5), np.int64)
         accept_candidates(
             self._pbs.intersect, self._pbs.scene, self._packed[c], self._pbs.bounds, coding_row(image.camera),
             image.codes, image.updated, image.kept, self.delta, blocks, *BLOCK, counts,
         )  # fmt: skip
         image.pending[:] = False
         image.lone[tuple(blocks.T)] = counts[:, 3] > 0  # waits until there is more beside it
-        candidates, accepted, changed = (int(n) for n in counts.sum(axis=0)[:3])
+        candidates, accepted, _changed, _lone, rays = (int(n) for n in counts.sum(axis=0))
         report.candidates += candidates
         report.accepted += accepted
-        report.rays += candidates - changed
+        report.rays += rays
         where = np.zeros(image.pending.shape, bool)
         where[tuple(blocks.T)] = counts[:, 1:3].any(axis=1)
         return where
@@ -313,7 +313,7 @@ class BackgroundModel:
         """Renews the marks of some cameras, and flags what no camera's marks are left on."""
         for c in cameras:
             self._cast_version[c] = self._pbs.version
-            self._changed.forget(c, list(self._pbs.surfaces()))
+            self._changed.forget(c, list(self._pbs.surfaces()), self.delta)
             if stride := self.settings.culling_stride:
                 report.rays += mark_background(self._pbs, c, self._packed[c], stride, self.delta)
         order = [*cameras, *(c for c in self._fixed() if c not in cameras)]

@@ -25,6 +25,8 @@ B1 = npt.NDArray[np.bool_]
 # is a region, a wrong depth mostly a lone pixel. A corner of two by two pixels has three.
 _NEIGHBOURS = 3
 _ACCEPTED, _CONFIRMED = 2, 3  # in `kept`, while candidates are looked at
+_SPARED, _BESIDE = 2, 3  # in `updated`, as well: by one ray for four pixels; of these, those beside accepted ones
+_FLAT = 0.25  # of delta: four pixels whose depths differ by less share a ray
 
 
 @numba.njit(inline="always", cache=True)
@@ -37,6 +39,46 @@ def _neighbours(kept: U8, y: int, x: int) -> int:
     return count - 1
 
 
+@numba.njit(inline="always", cache=True)
+def _beside_accepted(kept: U8, y: int, x: int) -> bool:
+    """Whether one of the eight pixels around one has been accepted."""
+    for row in range(max(y - 1, 0), min(y + 2, kept.shape[0])):
+        for column in range(max(x - 1, 0), min(x + 2, kept.shape[1])):
+            if kept[row, column] >= _ACCEPTED:
+                return True
+    return False
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _judge(
+    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, depth: float, delta: float
+) -> int:
+    """What becomes of a surface seen at (u, v): _CONFIRMED where the PBS has a hole, be it a pixel's; _ACCEPTED, or 0
+    where it is not more than delta behind the farthest hit."""
+    distance, _u, _v, _geometry, _primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
+    if distance < 0.0:
+        return _CONFIRMED
+    return _ACCEPTED if depth * length > distance + delta else 0
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _share_ray(
+    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, updated: U8, kept: U8, y: int, x: int,
+    delta: float,
+) -> bool:  # fmt: skip
+    """Whether 2x2 pixels from (x, y) on are all candidates on one surface that is not farther than the PBS."""
+    near = far = codes[y, x]
+    for row in range(y, y + 2):
+        for column in range(x, x + 2):
+            if updated[row, column] == 0 or kept[row, column] != 0:
+                return False
+            near, far = max(near, codes[row, column]), min(far, codes[row, column])
+    depth = 1.0 / (coding[0] + coding[1] * max(float(far), coding[3]))
+    if depth - 1.0 / (coding[0] + coding[1] * max(float(near), coding[3])) > _FLAT * delta:
+        return False
+    return _judge(function, scene, camera, bounds, x + 1.0, y + 1.0, depth, delta) == 0
+
+
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def accept_candidates(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, updated: U8, kept: U8,
@@ -44,31 +86,49 @@ def accept_candidates(
 ) -> None:  # fmt: skip
     """The filter of Fig. 6b: an updated pixel is kept if its point is more than delta behind the farthest hit.
 
-    Looks at blocks [n, 2] of height x width pixels only, which must hold all updated ones. Clears `updated` [h, w], but
-    for lone pixels: these are candidates again next time. counts [n, 4]: candidates, accepted ones, pixels that were
-    kept before and have changed, lone ones. coding as in `coverage.keep_farther`.
+    Looks at blocks [n, 2] of height x width pixels (even) only, which must hold all updated ones. Four pixels on one
+    surface are first asked by one ray; only if it finds them new, or pixels beside them are, each gets its own. Clears
+    `updated` [h, w], but for lone pixels: these are candidates again next time. counts [n, 5]: candidates, accepted
+    ones, pixels that were kept before and have changed, lone ones, rays. coding as in `coverage.keep_farther`.
     """
     h, w = codes.shape
     for k in numba.prange(blocks.shape[0]):
         counts[k] = 0
         top, left = blocks[k, 0] * height, blocks[k, 1] * width
+        for y in range(top, min(top + height, h - 1), 2):
+            for x in range(left, min(left + width, w - 1), 2):
+                if updated[y, x] == 1 and _share_ray(
+                    function, scene, camera, bounds, coding, codes, updated, kept, y, x, delta
+                ):
+                    updated[y : y + 2, x : x + 2] = _SPARED
+                    counts[k, 4] += 1
         for y in range(top, min(top + height, h)):
             for x in range(left, min(left + width, w)):
                 if updated[y, x] == 0:
                     continue
-                updated[y, x] = 0
                 counts[k, 0] += 1
+                if updated[y, x] == _SPARED:
+                    continue
+                updated[y, x] = 0
                 if kept[y, x] != 0:
                     counts[k, 2] += 1
                     continue
-                # Off the outermost pixels' centres, where the mesh ends: rays there may just miss it.
-                u, v = min(max(x + 0.5, 0.51), w - 0.51), min(max(y + 0.5, 0.51), h - 0.51)
-                distance, _u, _v, _geometry, _primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
-                depth = 1.0 / (coding[0] + coding[1] * max(float(codes[y, x]), coding[3]))
-                if distance < 0.0:
-                    kept[y, x] = _CONFIRMED  # a hole in the PBS is filled, be it a pixel's
-                elif depth * length > distance + delta:
-                    kept[y, x] = _ACCEPTED
+                kept[y, x] = _judge_pixel(function, scene, camera, bounds, coding, codes, y, x, delta)
+                counts[k, 4] += 1
+    for k in numba.prange(blocks.shape[0]):
+        top, left = blocks[k, 0] * height, blocks[k, 1] * width
+        for y in range(top, min(top + height, h)):
+            for x in range(left, min(left + width, w)):
+                if updated[y, x] == _SPARED:
+                    updated[y, x] = _BESIDE if _beside_accepted(kept, y, x) else 0
+    for k in numba.prange(blocks.shape[0]):
+        top, left = blocks[k, 0] * height, blocks[k, 1] * width
+        for y in range(top, min(top + height, h)):
+            for x in range(left, min(left + width, w)):
+                if updated[y, x] == _BESIDE:
+                    updated[y, x] = 0
+                    kept[y, x] = _judge_pixel(function, scene, camera, bounds, coding, codes, y, x, delta)
+                    counts[k, 4] += 1
     for k in numba.prange(blocks.shape[0]):
         top, left = blocks[k, 0] * height, blocks[k, 1] * width
         for y in range(top, min(top + height, h)):
@@ -86,6 +146,17 @@ def accept_candidates(
                     kept[y, x] = 0
                     updated[y, x] = 1
                     counts[k, 3] += 1
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _judge_pixel(
+    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, y: int, x: int, delta: float
+) -> int:
+    """`_judge` of a pixel: off the outermost ones' centres, where the mesh ends; rays there may just miss it."""
+    h, w = codes.shape
+    u, v = min(max(x + 0.5, 0.51), w - 0.51), min(max(y + 0.5, 0.51), h - 0.51)
+    depth = 1.0 / (coding[0] + coding[1] * max(float(codes[y, x]), coding[3]))
+    return _judge(function, scene, camera, bounds, u, v, depth, delta)
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
