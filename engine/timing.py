@@ -120,14 +120,15 @@ class StallMonitor:
     async def run(self) -> None:
         """Measure until cancelled."""
         with _WaitingForCore() as waiting:
-            first = time.thread_time()
+            first = busy = time.thread_time()
+            start, waited = time.monotonic(), waiting.milliseconds()
             while True:
-                start, waited, busy = time.monotonic(), waiting.milliseconds(), time.thread_time()
                 await asyncio.sleep(self._interval_s)
-                late = 1e3 * (time.monotonic() - start - self._interval_s)
-                own = late - (waiting.milliseconds() - waited)
-                self._busy_s = time.thread_time() - first
-                self._observe(start, late, max(own, 0.0), 1e3 * (time.thread_time() - busy))
+                before = start, waited, busy
+                start, waited, busy = time.monotonic(), waiting.milliseconds(), time.thread_time()
+                late = 1e3 * (start - before[0] - self._interval_s)
+                self._observe(before[0], late, max(late - (waited - before[1]), 0.0), 1e3 * (busy - before[2]))
+                self._busy_s = busy - first
 
     def _observe(self, since: float, *milliseconds: float) -> None:
         for kind, duration in zip(self.KINDS, milliseconds, strict=True):
