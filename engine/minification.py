@@ -52,12 +52,12 @@ def level_for(ratio: float) -> int:
 
 
 def halved(level: Level, options: TriangulationOptions) -> Level | None:
-    """The next level; None where a size is odd.
+    """The next level; None where a size is odd, or too small to be fetched from.
 
     The chroma of a 4:2:0 level is that of the next one: it has its size, and its samples are such means already.
     """
     h, w = level.y.shape
-    if h % 2 or w % 2:
+    if h % 2 or w % 2 or min(h, w) < 4:
         return None
     codes, masks = np.empty((h // 2, w // 2), np.uint16), np.empty((h // 2, w // 2), np.uint8)
     kernels.halve_codes(level.codes, level.cuts, codes, masks)

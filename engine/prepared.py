@@ -15,7 +15,7 @@ import numpy.typing as npt
 from .camera import Camera, Equirectangular, Perspective
 from .completion import Completed, complete
 from .frame import View
-from .kernels import shade
+from .kernels import view_table
 from .kernels.tone import IDENTITY
 from .mesh import Mesh
 from .minification import Level, halved, level_for
@@ -93,23 +93,24 @@ class PreparedView:
 
     @cached_property
     def table_row(self) -> npt.NDArray[np.float64]:  # [TABLE_SIZE]
-        """The view as `kernels.shade` reads it."""
+        """The view as `kernels.view_table` reads it."""
         return self._table_row(self.view.camera)
 
     def _table_row(self, camera: Camera) -> npt.NDArray[np.float64]:
-        row = np.zeros(shade.TABLE_SIZE)
-        row[: shade.OFFSET] = camera.packed(self.origin)
+        row = np.zeros(view_table.TABLE_SIZE)
+        row[: view_table.OFFSET] = camera.packed(self.origin)
         coding = camera.depth
-        row[shade.OFFSET], row[shade.STEP] = coding.offset, coding.step
-        row[shade.INVALID] = coding.has_invalid
-        row[shade.EDGE] = max(self.options.edge / coding.step, 1.0)
-        row[shade.TOLERANCE] = row[shade.EDGE] + 1.0  # a step within which a surface is not cut is no disagreement
-        row[shade.SHARPNESS] = pixels_per_radian(self.view.camera)  # whatever its size now: no view is worth less
-        row[shade.SUBSAMPLED] = 1.0
-        row[shade.PIXEL] = 1.0 / pixels_per_radian(camera)
+        row[view_table.OFFSET], row[view_table.STEP] = coding.offset, coding.step
+        row[view_table.INVALID] = coding.has_invalid
+        row[view_table.EDGE] = max(self.options.edge / coding.step, 1.0)
+        # A step within which a surface is not cut is no disagreement.
+        row[view_table.TOLERANCE] = row[view_table.EDGE] + 1.0
+        row[view_table.SHARPNESS] = pixels_per_radian(self.view.camera)  # whatever its size now: no view is worth less
+        row[view_table.SUBSAMPLED] = 1.0
+        row[view_table.PIXEL] = 1.0 / pixels_per_radian(camera)
         if isinstance(camera.projection, Equirectangular):
-            row[shade.COLUMNS], row[shade.ROWS] = 1.0 / row[4], 1.0 / row[6]
-        row[shade.TONE :] = IDENTITY
+            row[view_table.COLUMNS], row[view_table.ROWS] = 1.0 / row[4], 1.0 / row[6]
+        row[view_table.TONE :] = IDENTITY
         return row
 
     def addresses(self, *, measured: bool = False) -> npt.NDArray[np.int64]:  # [4]
@@ -119,11 +120,13 @@ class PreparedView:
         planes = (codes, texture.y, texture.cb, texture.cr)
         if not all(plane.flags.c_contiguous and plane.dtype == np.uint16 for plane in planes):
             raise ValueError(f"view {self.view.camera.name}: planes: expected C-contiguous uint16")
+        if min(codes.shape) < 4:
+            raise ValueError(f"view {self.view.camera.name}: size {codes.shape}: expected at least 4 x 4 pixels")
         return np.array([plane.ctypes.data for plane in planes], np.int64)
 
     def level(self, wanted: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
         """The view halved `wanted` times or, where its sizes do not allow that, as often as they do: what
-        `kernels.shade` reads, [TABLE_SIZE] and addresses [5]."""
+        `kernels.view_table` reads, [TABLE_SIZE] and addresses [5]."""
         with self._lock:
             if not self._levels:
                 texture, codes = self.view.texture, self.completed.codes
@@ -132,7 +135,7 @@ class PreparedView:
                 self._levels.append(smaller)
             level = self._levels[min(wanted, len(self._levels) - 1)]
         row = self._table_row(level.camera)
-        row[shade.SUBSAMPLED] = level.subsampled
+        row[view_table.SUBSAMPLED] = level.subsampled
         arrays = (level.codes, level.y, level.cb, level.cr, level.cuts)
         return row, np.array([array.ctypes.data for array in arrays], np.int64)
 
@@ -143,7 +146,7 @@ class PreparedView:
 
 
 class ViewTable:
-    """Views as `kernels.shade` reads them; keeps their arrays alive.
+    """Views as `kernels.view_table` reads them; keeps their arrays alive.
 
     tones [n, TONE_SIZE]: what is done to the views' colours, packed (`kernels.tone`); None: nothing. The first `drawn`
     come with their completed depth and the cuts of their surfaces, which colours are fetched by; the others with the
@@ -156,7 +159,7 @@ class ViewTable:
         self.views = tuple(views)
         self.rows = np.stack([view.table_row for view in views])
         if tones is not None:
-            self.rows[:, shade.TONE :] = tones
+            self.rows[:, view_table.TONE :] = tones
         planes = [view.addresses(measured=k >= drawn) for k, view in enumerate(views)]
         cuts = [view.cuts.ctypes.data if k < drawn else 0 for k, view in enumerate(views)]
         self.addresses = np.column_stack([planes, np.array(cuts, np.int64)])
@@ -164,12 +167,12 @@ class ViewTable:
 
     def at(self, resolution: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
         """Rows and addresses with the drawn views at the size nearest to a picture's with so many pixels a radian."""
-        wanted = [level_for(row[shade.SHARPNESS] / resolution) for row in self.rows[: self._drawn]]
+        wanted = [level_for(row[view_table.SHARPNESS] / resolution) for row in self.rows[: self._drawn]]
         if not any(wanted):
             return self.rows, self.addresses
         rows, addresses = self.rows.copy(), self.addresses.copy()
         for k, number in enumerate(wanted):
             if number > 0:
                 row, addresses[k] = self.views[k].level(number)
-                rows[k, : shade.TONE] = row[: shade.TONE]
+                rows[k, : view_table.TONE] = row[: view_table.TONE]
         return rows, addresses

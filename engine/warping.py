@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from .camera import Camera, Equirectangular
 from .frame import Texture
-from .kernels import antialias, composite, rasterise, shade
+from .kernels import antialias, composite, rasterise, shade, view_table
 from .kernels import fill as fill_kernels
 from .mesh import Mesh
 from .prepared import Part, PreparedView, ViewTable, pixels_per_radian
@@ -187,7 +187,7 @@ class Canvas:
             antialias.keep_marked(self._marks, self.disparity)
         rows, addresses = views.at(1.0 / target.radians_a_pixel) if prefilter else (views.rows, views.addresses)
         table = rows.copy()
-        table[:, shade.SHARPNESS] *= target.radians_a_pixel
+        table[:, view_table.SHARPNESS] *= target.radians_a_pixel
         shade.shade(
             self.disparity, self.winner, target.packed, views.rows, views.addresses, table, addresses,
             n_views, blend, cubic, *self.planes,

@@ -13,7 +13,7 @@ from farside.engine.engine import Engine
 from farside.engine.exposure import Exposure, packed, to_common, to_picture
 from farside.engine.frame import Frame, Texture
 from farside.engine.kernels.exposure import gather_samples, solve_tones, weigh_samples
-from farside.engine.kernels.shade import EDGE, TOLERANCE
+from farside.engine.kernels.view_table import EDGE, TOLERANCE
 from farside.engine.metrics import psnr
 from farside.engine.prepared import PreparedView, ViewTable
 from farside.engine.scene import Scene

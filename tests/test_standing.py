@@ -12,9 +12,9 @@ from farside.engine.embree import Scene as RayScene
 from farside.engine.embree import intersect_address
 from farside.engine.engine import Engine
 from farside.engine.frame import Frame, View
-from farside.engine.kernels.shade import EDGE
 from farside.engine.kernels.sight import looks_through, shows
 from farside.engine.kernels.standing import standing_hit
+from farside.engine.kernels.view_table import EDGE
 from farside.engine.prepared import PreparedView, ViewTable
 from farside.engine.scene import Scene
 from farside.engine.settings import Settings

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +11,7 @@ import numpy.typing as npt
 from .present import present_depth
 from .project import unproject_point
 from .sight import looks_through
+from .simd import LANES, any_of, load
 
 __all__ = ["lay_backdrop"]
 
@@ -37,6 +40,52 @@ def _present(
     return 0.0, -1
 
 
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _may_show(q: Any, live: Any, slack: Any) -> Any:
+    """Whether a backdrop's disparity q shows, as far as depths alone tell: 1 / q <= (1 - _NEARER) / live - slack where
+    something was drawn. Of numbers or vectors."""
+    return (q > 0.0) & (live <= q * ((1.0 - _NEARER) - slack * live))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _first_to_ask(backdrop: F32, disparity: F32, slack: float, x: int) -> int:
+    """The first pixel of a row, from x on, of sixteen pixels of which one may show the backdrop."""
+    last = disparity.shape[0] - LANES
+    while x <= last:
+        q, live = load(backdrop.ctypes.data, x), load(disparity.ctypes.data, x)
+        if any_of(_may_show(q, live, np.float32(slack))):
+            return x
+        x += LANES
+    return x
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _lay_pixel(
+    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: float, number: int,
+    disparity: F32, winner: U8, y: int, x: int,
+) -> None:  # fmt: skip
+    q, live = backdrop[y, x], disparity[y, x]
+    px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / q)
+    # What was drawn gives way to nothing that a view's outline leaves in doubt: a view's own picture stays.
+    ghost, texels = False, 4 if live <= 0.0 else 1
+    for k in range(table.shape[0]):
+        if looks_through(table[k], addresses[k, 0], px, py, pz, slack, texels):
+            ghost = True
+            break
+    if len(order) > 0:
+        limit = np.inf if ghost and live <= 0.0 else 1.0 / q + slack
+        depth, view = _present(table, addresses, order, camera, x, y, 1.0 / q, limit)
+        if live > 0.0:
+            ghost |= view < 0 or depth < 1.0 / q - slack
+        elif view >= 0:
+            disparity[y, x] = 1.0 / depth
+            winner[y, x] = number + 1 + view
+            return
+    if not ghost:
+        disparity[y, x] = q
+        winner[y, x] = number
+
+
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def lay_backdrop(
     backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: float, number: int,
@@ -54,26 +103,11 @@ def lay_backdrop(
     h, w = disparity.shape
     for row in numba.prange(h):
         y = np.int64(row)
-        for x in range(w):
-            q, live = backdrop[y, x], disparity[y, x]
-            if q <= 0.0 or (live > 0.0 and 1.0 / q > (1.0 - _NEARER) / live - slack):
-                continue
-            px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / q)
-            # What was drawn gives way to nothing that a view's outline leaves in doubt: a view's own picture stays.
-            ghost, texels = False, 4 if live <= 0.0 else 1
-            for k in range(table.shape[0]):
-                if looks_through(table[k], addresses[k, 0], px, py, pz, slack, texels):
-                    ghost = True
-                    break
-            if len(order) > 0:
-                limit = np.inf if ghost and live <= 0.0 else 1.0 / q + slack
-                depth, view = _present(table, addresses, order, camera, x, y, 1.0 / q, limit)
-                if live > 0.0:
-                    ghost |= view < 0 or depth < 1.0 / q - slack
-                elif view >= 0:
-                    disparity[y, x] = 1.0 / depth
-                    winner[y, x] = number + 1 + view
-                    continue
-            if not ghost:
-                disparity[y, x] = q
-                winner[y, x] = number
+        x = _first_to_ask(backdrop[y], disparity[y], slack, 0)
+        while x < w:
+            for column in range(x, min(x + LANES, w)):
+                if _may_show(np.float64(backdrop[y, column]), np.float64(disparity[y, column]), slack):
+                    _lay_pixel(
+                        backdrop, camera, table, addresses, order, slack, number, disparity, winner, y, column
+                    )
+            x = _first_to_ask(backdrop[y], disparity[y], slack, x + LANES)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import project_point, unproject_point
-from .shade import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
+from .view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
 
 __all__ = ["gather_samples", "solve_tones", "weigh_samples"]
 
@@ -77,7 +77,7 @@ def gather_samples(
 ) -> None:  # fmt: skip
     """Colours of surfaces that both views of a pair see, at a grid of columns x rows of the first one's pixels.
 
-    table and addresses: see `kernels.shade`; pairs [p, 2]: rows of these; due: the pairs that are looked at.
+    table and addresses: see `kernels.view_table`; pairs [p, 2]: rows of these; due: the pairs that are looked at.
     samples [p, columns * rows, 2, 3]: luma, cb, cr of both, relative to black and grey; the first counts[p] are filled.
     """
     for turn in numba.prange(due.shape[0]):

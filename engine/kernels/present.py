@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import project_point, unproject_point
-from .shade import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
+from .view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
 
 __all__ = ["present_depth"]
 
@@ -26,7 +26,7 @@ def present_depth(row: F64, codes: int, camera: F64, x: int, y: int, depth: floa
     """The depth at which a view's surface crosses a pixel's ray, searched from a first guess on; 0 where none is found.
 
     A crossing counts where the four texels round its image are one surface and the view measured that very depth.
-    `row` and `codes` are a view as `kernels.shade` reads it; `camera` is
+    `row` and `codes` are a view as `kernels.view_table` reads it; `camera` is
     the packed virtual camera, depths are its own, metres.
     """
     width, height = int(row[1]), int(row[2])

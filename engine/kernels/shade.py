@@ -6,245 +6,63 @@ there contributes its colour, interpolated over the texels that lie on that surf
 same direction (unstructured lumigraph, Buehler et al. 2001: angle), that resolve the surface at least as finely
 (distance), whose texel is not a mixture of two surfaces, and fades near a picture's border.
 
-A view table is float64 [n, TABLE_SIZE] (packed camera, then the fields below) beside int64 [n, 5], the addresses
-of its C-contiguous arrays: codes, y, cb, cr (uint16) and, for views that are drawn, where their surface is cut (uint8,
-the flags of `kernels.triangulate`). Chroma is 4:2:0 or of the size of the luma. The caller keeps the arrays alive.
+Work goes by cells of 2 x 32 pixels: four vectors of luma (parts), and one of chroma for its blocks of 2 x 2 pixels.
+What the views show of a cell (`kernels.look`) is kept until all have been asked: only then is it known how much of a
+pixel's colour comes from each. Chroma, a quarter of the samples, is fetched by pixels' places in the views, or by cubic
+convolution once for a block that is smooth in a view.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numba
 import numpy as np
 import numpy.typing as npt
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
 
-from . import triangulate
-from .project import CAMERA_SIZE, PERSPECTIVE, arc_tangent, unproject_point
-from .tone import LARGEST, TONE_SIZE, toned
+from .look import LENS_SIZE, OUTSIDE, ROUGH, TONE_AT, aim, chroma_between, chroma_nearest, look, make_lens
+from .project import PERSPECTIVE, project_point, unproject_point
+from .simd import (
+    LANES,
+    Floats,
+    Truths,
+    any_of,
+    evens,
+    load,
+    load_float,
+    maximum,
+    minimum,
+    odds,
+    select,
+    spread,
+    store,
+    zipped,
+    zipped_rest,
+)
+from .tone import LARGEST, toned
+from .view_table import EDGE, INVALID, OFFSET, STEP, SUBSAMPLED, TOLERANCE, TONE, load_texel
 
-__all__ = [
-    "COLUMNS",
-    "EDGE",
-    "INVALID",
-    "OFFSET",
-    "PIXEL",
-    "ROWS",
-    "SHARPNESS",
-    "STEP",
-    "SUBSAMPLED",
-    "TABLE_SIZE",
-    "TOLERANCE",
-    "TONE",
-    "load_byte",
-    "load_texel",
-    "shade",
-]
+__all__ = ["shade"]
 
-OFFSET = CAMERA_SIZE  # disparity of code 0
-STEP = CAMERA_SIZE + 1  # disparity of a code step
-INVALID = CAMERA_SIZE + 2  # 1 where code 0 means "no depth"
-TOLERANCE = CAMERA_SIZE + 3  # codes within which a view agrees
-EDGE = CAMERA_SIZE + 4  # code step between texels that is a depth edge
-SHARPNESS = CAMERA_SIZE + 5  # pixels a radian, relative to the target's
-COLUMNS = CAMERA_SIZE + 6  # columns a radian (equirectangular)
-ROWS = CAMERA_SIZE + 7
-PIXEL = CAMERA_SIZE + 8  # radians a pixel
-SUBSAMPLED = CAMERA_SIZE + 9  # 1 where chroma is 4:2:0, 0 where it has the size of the luma
-TONE = CAMERA_SIZE + 10  # a packed tone: what is done to the view's colours
-TABLE_SIZE = TONE + TONE_SIZE
-
-OUTSIDE = -1e300  # stands for the depth code of a point that a view has no pixel for
 _CHUNKS = 64
-_SMOOTH = 16  # codes between four texels within which linear interpolation is as good as cubic
-_MIXED = 0.03  # weight of a texel at a depth edge: where no other view sees a surface, its rim is painted with it
-_BORDER_PX = 8.0  # over which a view fades out near its border
+_PARTS = 4
+_CELL = 2 * LANES  # columns
+_SHARE, _LUMA, _U, _V, _MANNER, _CODE, _CLEAN, _MIXED, _FIELDS = 0, 1, 2, 3, 4, 5, 6, 7, 8  # of what a view shows
+_ROOM = 7  # vectors a part for a cell's pixels and sums
+_APART_PX = 3.0  # between a block's pixels in a view, beyond which they have no chroma in common
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
 U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-
-
-def _element_of(bits: int) -> Any:
-    """An intrinsic's signature and code: the unsigned element of so many bits at (address, index)."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        pointer = builder.inttoptr(args[0], ir.IntType(bits).as_pointer())
-        value = builder.load(builder.gep(pointer, [args[1]]))
-        return builder.zext(value, ir.IntType(64))
-
-    return types.int64(types.int64, types.int64), codegen
-
-
-@intrinsic
-def load_texel(typingctx: Any, address: Any, index: Any) -> Any:
-    """The uint16 at address + 2 * index: pictures of different views are reached through one table."""
-    return _element_of(16)
-
-
-@intrinsic
-def load_byte(typingctx: Any, address: Any, index: Any) -> Any:
-    """The uint8 at address + index."""
-    return _element_of(8)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
-def _unproject_row(camera: F64, y: int, disparity: F32, points: F64) -> None:
-    """points [3, w] of a row's pixels, relative to the scene origin; of holes, at depth 1."""
-    if camera[0] == PERSPECTIVE:  # free of branches and calls, so that it compiles to vector instructions
-        fx, cx, z = 1.0 / camera[3], camera[5], (camera[6] - (y + 0.5)) / camera[4]
-        for x in range(disparity.shape[0]):
-            q = disparity[x]
-            depth = 1.0 / (q if q > 0.0 else np.float32(1.0))
-            side, up = (cx - (x + 0.5)) * fx * depth, z * depth
-            points[0, x] = camera[7] * depth + camera[8] * side + camera[9] * up + camera[16]
-            points[1, x] = camera[10] * depth + camera[11] * side + camera[12] * up + camera[17]
-            points[2, x] = camera[13] * depth + camera[14] * side + camera[15] * up + camera[18]
-        return
-    for x in range(disparity.shape[0]):
-        q = disparity[x]
-        points[0, x], points[1, x], points[2, x] = unproject_point(
-            camera, x + 0.5, y + 0.5, 1.0 / q if q > 0.0 else 1.0
-        )
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
-def _project_row(table: F64, k: int, points: F64, images: F64) -> None:
-    """images [3, w]: u, v and depth code of points in view k; the code is OUTSIDE where the view has no pixel.
-
-    Free of branches and calls, so that it compiles to vector instructions.
-    """
-    rxx, rxy, rxz = table[k, 7], table[k, 10], table[k, 13]
-    ryx, ryy, ryz = table[k, 8], table[k, 11], table[k, 14]
-    rzx, rzy, rzz = table[k, 9], table[k, 12], table[k, 15]
-    ox, oy, oz = table[k, 16], table[k, 17], table[k, 18]
-    width, height = table[k, 1], table[k, 2]
-    offset, per_step = table[k, OFFSET], 1.0 / table[k, STEP]
-    if table[k, 0] == PERSPECTIVE:
-        fx, fy, mx, my = table[k, 3], table[k, 4], table[k, 5], table[k, 6]
-        for x in range(points.shape[1]):
-            dx, dy, dz = points[0, x] - ox, points[1, x] - oy, points[2, x] - oz
-            depth = rxx * dx + rxy * dy + rxz * dz
-            inverse = 1.0 / depth
-            u = mx - fx * inverse * (ryx * dx + ryy * dy + ryz * dz)
-            v = my - fy * inverse * (rzx * dx + rzy * dy + rzz * dz)
-            inside = (depth > 0.0) & (u >= 0.0) & (v >= 0.0) & (u <= width) & (v <= height)
-            images[0, x], images[1, x] = u, v
-            images[2, x] = (inverse - offset) * per_step if inside else OUTSIDE
-    else:
-        left, top, columns, rows = table[k, 3], table[k, 5], table[k, COLUMNS], table[k, ROWS]
-        turn, middle = 2.0 * math.pi * columns, 0.5 * width
-        for x in range(points.shape[1]):
-            dx, dy, dz = points[0, x] - ox, points[1, x] - oy, points[2, x] - oz
-            cx = rxx * dx + rxy * dy + rxz * dz
-            cy = ryx * dx + ryy * dy + ryz * dz
-            cz = rzx * dx + rzy * dy + rzz * dz
-            planar = cx * cx + cy * cy
-            # The azimuth is known up to a turn: take the one nearest to the picture's middle.
-            u = (left - arc_tangent(cy, cx)) * columns
-            u = u - turn if u > middle + 0.5 * turn else u
-            u = u + turn if u < middle - 0.5 * turn else u
-            v = (top - arc_tangent(cz, math.sqrt(planar))) * rows
-            inside = (u >= 0.0) & (v >= 0.0) & (u <= width) & (v <= height)
-            images[0, x], images[1, x] = u, v
-            images[2, x] = (1.0 / math.sqrt(planar + cz * cz) - offset) * per_step if inside else OUTSIDE
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
-def _weigh_row(table: F64, k: int, eye: F64, points: F64, images: F64, weights: F64) -> None:
-    """weights [2, w] of view k's clean and mixed texels: small angle between its ray and the eye's, fine sampling,
-    off the border. Where the two rays are within a pixel of each other, a mixed texel is what the eye sees."""
-    sharpness, width, height = table[k, SHARPNESS] * table[k, SHARPNESS], table[k, 1], table[k, 2]
-    softest = 1.0 if table[k, 19] > 0.0 else 0.02  # a picture that wraps has no border
-    pixel2 = table[k, PIXEL] * table[k, PIXEL]
-    for x in range(weights.shape[1]):
-        ex, ey, ez = points[0, x] - eye[16], points[1, x] - eye[17], points[2, x] - eye[18]
-        vx, vy, vz = points[0, x] - table[k, 16], points[1, x] - table[k, 17], points[2, x] - table[k, 18]
-        ee, vv = ex * ex + ey * ey + ez * ez, vx * vx + vy * vy + vz * vz
-        cx, cy, cz = ey * vz - ez * vy, ez * vx - ex * vz, ex * vy - ey * vx
-        both = ee * vv
-        sine2 = cx * cx + cy * cy + cz * cz  # times both
-        sine2 = 2.0 * both - sine2 if ex * vx + ey * vy + ez * vz < 0.0 else sine2
-        finer = min(vv, ee * sharpness)  # times vv
-        u, v = images[0, x], images[1, x]
-        border = min(min(u, width - u), min(v, height - v)) * (1.0 / _BORDER_PX)
-        border = min(1.0, max(softest, border))
-        weight = border * (0.1 * vv + finer) * ee / (3e-5 * both + sine2)
-        same, apart = pixel2 * both, sine2
-        alike = same * same / (same * same + apart * apart)
-        weights[0, x], weights[1, x] = weight, weight * (_MIXED + (1.0 - _MIXED) * alike)
-
-
-@intrinsic
-def _sum_4x4(typingctx: Any, address: Any, width: Any, at: Any, across: Any, down: Any) -> Any:
-    """Of the uint16 plane at an address, sample `at` and its neighbours from one to the left and above to two to the
-    right and below: the sum weighted by four shares across and four down, a row at a time in a vector register."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        plane, stride, index, columns, rows = args
-        single, integers = ir.FloatType(), ir.VectorType(ir.IntType(16), 4)
-        vector = ir.VectorType(single, 4)
-        pointer = builder.inttoptr(plane, ir.IntType(16).as_pointer())
-
-        def share(shares: Any, k: int) -> Any:
-            return builder.fptrunc(builder.extract_value(shares, k), single)
-
-        total = ir.Constant(vector, None)
-        at = builder.sub(index, builder.add(stride, ir.Constant(stride.type, 1)))
-        for k in range(4):
-            row = builder.bitcast(builder.gep(pointer, [at]), integers.as_pointer())
-            samples = builder.uitofp(builder.load(row, align=2), vector)
-            spread = ir.Constant(vector, ir.Undefined)
-            for lane in range(4):
-                spread = builder.insert_element(spread, share(rows, k), ir.IntType(32)(lane))
-            total = builder.fadd(total, builder.fmul(samples, spread))
-            at = builder.add(at, stride)
-        result = ir.Constant(single, 0.0)
-        for lane in range(4):
-            column = builder.extract_element(total, ir.IntType(32)(lane))
-            result = builder.fadd(result, builder.fmul(column, share(columns, lane)))
-        return builder.fpext(result, ir.DoubleType())
-
-    shares = types.containers.UniTuple(types.float64, 4)
-    return types.float64(types.int64, types.int64, types.int64, shares, shares), codegen
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _cubic_shares(f: float) -> tuple[float, float, float, float]:
-    """Of the samples at -1, 0, 1 and 2 for a place f in [0, 1): cubic convolution with a = -1/2."""
-    g = 1.0 - f
-    return -0.5 * f * g * g, 1.0 + f * f * (1.5 * f - 2.5), 1.0 + g * g * (1.5 * g - 2.5), -0.5 * g * f * f
-
-
-@numba.njit(inline="always", cache=True)
-def _is_whole(cuts: int, at: int, width: int) -> bool:
-    """Whether the surface is cut nowhere between a texel and those to its right and below."""
-    right, down = triangulate.CUT_RIGHT, triangulate.CUT_DOWN
-    here, beside, below = load_byte(cuts, at), load_byte(cuts, at + 1), load_byte(cuts, at + width)
-    return ((here & (right | down)) | (beside & down) | (below & right)) == 0
-
-
-@numba.njit(inline="always", cache=True, error_model="numpy")
-def _chroma_index(u: float, v: float, width: int, height: int, subsampled: int) -> int:
-    """The chroma sample whose pixels (2x2 or one) hold (u, v): replicated up, as the reference renderers do."""
-    x, y = min(max(int(u), 0), width - 1), min(max(int(v), 0), height - 1)
-    return (y >> subsampled) * ((width + subsampled) >> subsampled) + (x >> subsampled)
-
-
-@numba.njit(inline="always", cache=True, error_model="numpy")
-def _fetch(
-    table: F64, addresses: I64, k: int, u: float, v: float, code: float, nearest: bool
-) -> tuple[float, float, float, float]:
-    """Colour of view k at (u, v) and how much of it lies on the surface of that depth code (0 to 1).
-
-    With `nearest` the texel closest in depth is taken whatever its depth: for the view that drew the pixel.
-    """
+def _colour_of_winner(
+    table: F64, addresses: I64, k: int, u: float, v: float, code: float
+) -> tuple[float, float, float]:
+    """Colour of view k at (u, v), of those of the four texels round it that are of about that depth code, or else of
+    that which is nearest in depth: it drew the pixel."""
     width, height = int(table[k, 1]), int(table[k, 2])
     y = min(max(v - 0.5, 0.0), height - 1.0)
     iy = min(int(y), max(height - 2, 0))
@@ -265,136 +83,351 @@ def _fetch(
     wa, wb, wc, wd = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
     low, high = min(min(ca, cb), min(cc, cd)), max(max(ca, cb), max(cc, cd))
     invalid = table[k, INVALID] > 0.0
-    share = 1.0
-    if high - low <= table[k, EDGE] and (low > 0 or not invalid):
-        if not nearest and abs(wa * ca + wb * cb + wc * cc + wd * cd - code) > table[k, TOLERANCE]:
-            return 0.0, 0.0, 0.0, 0.0
-    else:
+    if high - low > table[k, EDGE] or (low == 0 and invalid):
         # An edge runs between the texels: take those of the wanted surface only.
         limit = 0.5 * table[k, EDGE] + table[k, TOLERANCE]
         ka = wa if abs(ca - code) <= limit and not (invalid and ca == 0) else 0.0
         kb = wb if abs(cb - code) <= limit and not (invalid and cb == 0) else 0.0
         kc = wc if abs(cc - code) <= limit and not (invalid and cc == 0) else 0.0
         kd = wd if abs(cd - code) <= limit and not (invalid and cd == 0) else 0.0
-        share = ka + kb + kc + kd
-        if share < 1e-3:
-            if not nearest:
-                return 0.0, 0.0, 0.0, 0.0
+        if ka + kb + kc + kd < 1e-3:
             best = min(min(abs(ca - code), abs(cb - code)), min(abs(cc - code), abs(cd - code)))
             ka = 1.0 if abs(ca - code) == best else 0.0
             kb = 1.0 if abs(cb - code) == best else 0.0
             kc = 1.0 if abs(cc - code) == best else 0.0
             kd = 1.0 if abs(cd - code) == best else 0.0
-            share = ka + kb + kc + kd
-        inverse = 1.0 / share
+        inverse = 1.0 / (ka + kb + kc + kd)
         wa, wb, wc, wd = ka * inverse, kb * inverse, kc * inverse, kd * inverse
         # Chroma from the middle of the texels taken.
         u = x0 + 0.5 + wb + wd
         v = iy + 0.5 + wc + wd
     y_ = addresses[k, 1]
     luma = wa * load_texel(y_, a) + wb * load_texel(y_, b) + wc * load_texel(y_, c) + wd * load_texel(y_, d)
-    at = _chroma_index(u, v, width, height, int(table[k, SUBSAMPLED]))
-    return luma, float(load_texel(addresses[k, 2], at)), float(load_texel(addresses[k, 3], at)), min(share, 1.0)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _gather_row(
-    table: F64, addresses: I64, k: int, blend: int, cubic: bool, images: F64, weights: F64, taken: U8, sums: F64
-) -> int:
-    """Add view k to the row's sums [4, w] (weight, y, cb, cr) where it agrees; returns the pixels thus finished."""
-    finished = 0
-    us, vs, codes, weight, ys, bs, rs = images[0], images[1], images[2], sums[0], sums[1], sums[2], sums[3]
-    width, height, subsampled = int(table[k, 1]), int(table[k, 2]), int(table[k, SUBSAMPLED])
-    half, pitch = (width + subsampled) >> subsampled, 0.5 if subsampled else 1.0  # of the chroma
-    shift = 0.5 * pitch - 0.5
-    tolerance = table[k, TOLERANCE]
-    depth, luma, chroma_b, chroma_r = addresses[k, 0], addresses[k, 1], addresses[k, 2], addresses[k, 3]
-    cuts, clean, mixed = addresses[k, 4], weights[0], weights[1]
-    # Read once: to the compiler, what is written to the sums might change the table.
-    tone = (
-        table[k, TONE], table[k, TONE + 1], table[k, TONE + 2], table[k, TONE + 3],
-        table[k, TONE + 4], table[k, TONE + 5], table[k, TONE + 6], table[k, TONE + 7],
-    )  # fmt: skip
-    blends = blend > 1
-    # Where four by four samples of the chroma, and of the luma more so, lie inside the picture.
-    last_x, last_y = (width if cubic else 0) - 7, height - 7
-    for x in range(taken.shape[0]):
-        code = codes[x]
-        if taken[x] >= blend or code == OUTSIDE:
-            continue
-        u, v = us[x] - 0.5, vs[x] - 0.5
-        # The common case first: four texels of one surface, well inside the picture.
-        plain = (u >= 0.0) & (v >= 0.0) & (u < width - 1) & (v < height - 1)
-        if plain:
-            x0, y0 = int(u), int(v)
-            at = y0 * width + x0
-            plain = _is_whole(cuts, at, width)
-        if plain:
-            fx, fy = u - x0, v - y0
-            ca, cb = load_texel(depth, at), load_texel(depth, at + 1)
-            cc, cd = load_texel(depth, at + width), load_texel(depth, at + width + 1)
-            top, bottom = ca + fx * (cb - ca), cc + fx * (cd - cc)
-            if abs(top + fy * (bottom - top) - code) > tolerance:
-                continue
-            share = 1.0
-            if blends:
-                beside = load_byte(cuts, int(v + 0.5) * width + int(u + 0.5)) & triangulate.BROKEN
-                share = mixed[x] if beside else clean[x]
-            ya, yb = load_texel(luma, at), load_texel(luma, at + 1)
-            yc, yd = load_texel(luma, at + width), load_texel(luma, at + width + 1)
-            inner = (x0 >= 3) & (y0 >= 3) & (x0 < last_x) & (y0 < last_y)
-            if inner and max(max(ya, yb), max(yc, yd)) - min(min(ya, yb), min(yc, yd)) > _SMOOTH:
-                y = _sum_4x4(luma, width, at, _cubic_shares(fx), _cubic_shares(fy))
-                cu, cv = pitch * u + shift, pitch * v + shift
-                i, j = int(cu), int(cv)
-                cu, cv, middle = cu - i, cv - j, j * half + i
-                across, down = _cubic_shares(cu), _cubic_shares(cv)
-                b = _sum_4x4(chroma_b, half, middle, across, down)
-                r = _sum_4x4(chroma_r, half, middle, across, down)
-            else:
-                top, bottom = ya + fx * (yb - ya), yc + fx * (yd - yc)
-                middle = (int(v + 0.5) >> subsampled) * half + (int(u + 0.5) >> subsampled)
-                y = top + fy * (bottom - top)
-                b, r = float(load_texel(chroma_b, middle)), float(load_texel(chroma_r, middle))
-        else:
-            y, b, r, share = _fetch(table, addresses, k, us[x], vs[x], code, False)
-            if share <= 0.0:
-                continue
-            if blends:
-                at = min(int(vs[x]), height - 1) * width + min(int(us[x]), width - 1)
-                share *= mixed[x] if load_byte(cuts, at) & triangulate.BROKEN else clean[x]
-        y, b, r = toned(tone, y, b, r)
-        weight[x] += share
-        ys[x] += share * y
-        bs[x] += share * b
-        rs[x] += share * r
-        taken[x] += 1
-        finished += taken[x] == blend
-    return finished
+    shift = int(table[k, SUBSAMPLED])
+    column, row = min(max(int(u), 0), width - 1) >> shift, min(max(int(v), 0), height - 1) >> shift
+    at = row * ((width + shift) >> shift) + column
+    return luma, float(load_texel(addresses[k, 2], at)), float(load_texel(addresses[k, 3], at))
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _finish_row(
-    table: F64, addresses: I64, drawn: F32, winner: U8, points: F64, sums: F64,
-    luma: F32, chroma_b: F32, chroma_r: F32,
+def _shade_by_winner(
+    table: F64, addresses: I64, k: int, camera: F64, y: int, x: int, disparity: float
+) -> tuple[float, float, float]:
+    """Colour of a pixel from the view that drew it, whatever depth that measured there."""
+    px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / disparity)
+    u, v, depth = project_point(table[k], px, py, pz)
+    code = (1.0 / depth - table[k, OFFSET]) / table[k, STEP]
+    luma, b, r = _colour_of_winner(table, addresses, k, u, v, code)
+    return toned(table[k, TONE:], luma, b, r)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _directions(camera: F64, width: int, across: F32) -> None:
+    """across [2, >= width]: what a column adds to the eye's directions (`_row_of_directions`)."""
+    for x in range(width):
+        if camera[0] == PERSPECTIVE:
+            across[0, x], across[1, x] = 1.0, (camera[5] - (x + 0.5)) / camera[3]
+        else:
+            phi = camera[3] - (x + 0.5) * camera[4]
+            across[0, x], across[1, x] = math.cos(phi), math.sin(phi)
+    across[:, width:] = 0.0
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _row_of_directions(camera: F64, y: int) -> tuple[float, float]:
+    """Scale and height of a row: the direction of depth 1 is (scale * across[0], scale * across[1], height)."""
+    if camera[0] == PERSPECTIVE:
+        return 1.0, (camera[6] - (y + 0.5)) / camera[4]
+    theta = camera[5] - (y + 0.5) * camera[6]
+    return math.cos(theta), math.sin(theta)
+
+
+@numba.njit(forceinline=True, cache=True)
+def _field(seen: int, k: int, part: int, field: int) -> Floats:
+    return load(seen, ((k * _FIELDS + field) * _PARTS + part) * LANES)
+
+
+@numba.njit(forceinline=True, cache=True)
+def _put(seen: int, k: int, part: int, field: int, values: Floats) -> None:
+    store(seen, ((k * _FIELDS + field) * _PARTS + part) * LANES, values)
+
+
+@numba.njit(forceinline=True, cache=True)
+def _by_block(left: Floats, right: Floats) -> Floats:
+    """Sums of two columns each."""
+    return evens(left, right) + odds(left, right)
+
+
+@numba.njit(forceinline=True, cache=True, error_model="numpy")
+def _sum(seen: int, k: int, field: int) -> Floats:
+    """Of each block in view k, a field's sum by the pixels' shares."""
+    total = spread(0.0)
+    for part in range(0, _PARTS, 2):
+        left, right = _field(seen, k, part, _SHARE), _field(seen, k, part + 1, _SHARE)
+        total += _by_block(left * _field(seen, k, part, field), right * _field(seen, k, part + 1, field))
+    return total
+
+
+@numba.njit(forceinline=True, cache=True, error_model="numpy")
+def _most(seen: int, k: int, field: int, sign: float) -> Floats:
+    """Of each block in view k, the largest of a field, times a sign, among the pixels that the view sees."""
+    most = spread(-1e9)
+    for part in range(0, _PARTS, 2):
+        left, right = sign * _field(seen, k, part, field), sign * _field(seen, k, part + 1, field)
+        left = select(_field(seen, k, part, _SHARE) > 0.0, left, -1e9)
+        right = select(_field(seen, k, part + 1, _SHARE) > 0.0, right, -1e9)
+        most = maximum(most, maximum(evens(left, right), odds(left, right)))
+    return most
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _nearest(lens: int, addresses: int, seen: int, k: int) -> tuple[Floats, Floats]:
+    """Chroma of each block in view k as the sum over its pixels, each with the sample nearest to it."""
+    sum_b, sum_r = spread(0.0), spread(0.0)
+    for part in range(0, _PARTS, 2):
+        left, right = _field(seen, k, part, _SHARE), _field(seen, k, part + 1, _SHARE)
+        a, b = _field(seen, k, part, _U), _field(seen, k, part, _V)
+        left_b, left_r = chroma_nearest(lens, addresses, a, b, left > 0.0)
+        a, b = _field(seen, k, part + 1, _U), _field(seen, k, part + 1, _V)
+        right_b, right_r = chroma_nearest(lens, addresses, a, b, right > 0.0)
+        sum_b += _by_block(left * left_b, right * right_b)
+        sum_r += _by_block(left * left_r, right * right_r)
+    return sum_b, sum_r
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _colour_blocks(lens: int, addresses: int, cubic: bool, seen: int, k: int, weight: Floats) -> tuple[Floats, Floats]:
+    """Chroma of a cell's blocks in view k, times their weight: that of each pixel or, where the block is smooth in the
+    view but its colours are rough, that of its middle by cubic convolution."""
+    between, b, r = weight < 0.0, spread(0.0), spread(0.0)
+    if cubic:
+        between = _most(seen, k, _MANNER, 1.0) == np.float32(ROUGH)
+        if any_of(between):
+            between &= _most(seen, k, _U, 1.0) + _most(seen, k, _U, -1.0) <= np.float32(_APART_PX)
+            between &= _most(seen, k, _V, 1.0) + _most(seen, k, _V, -1.0) <= np.float32(_APART_PX)
+            u, v = _sum(seen, k, _U) / weight, _sum(seen, k, _V) / weight
+            b, r = chroma_between(lens, addresses, u, v, between)
+            b, r = select(between, b * weight, 0.0), select(between, r * weight, 0.0)
+    if any_of((weight > 0.0) & ~between):
+        near_b, near_r = _nearest(lens, addresses, seen, k)
+        b, r = select(between, b, near_b), select(between, r, near_r)
+    return b, r
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _colour_cell(
+    lenses: int, addresses: int, n: int, cubic: bool, seen: int, inverses: int
+) -> tuple[Floats, Floats, Floats]:
+    """Chroma of a cell's sixteen blocks: sums of cb and cr over the pixels that views coloured, and their number.
+
+    inverses [PARTS, LANES]: of the sums of the pixels' weights."""
+    count, sum_b, sum_r = spread(0.0), spread(0.0), spread(0.0)
+    for k in range(n):
+        weight = spread(0.0)
+        for part in range(0, _PARTS, 2):  # shares of the pixels' colours
+            left = _field(seen, k, part, _SHARE) * load(inverses, part * LANES)
+            right = _field(seen, k, part + 1, _SHARE) * load(inverses, (part + 1) * LANES)
+            _put(seen, k, part, _SHARE, left)
+            _put(seen, k, part + 1, _SHARE, right)
+            weight += _by_block(left, right)
+        if any_of(weight > 0.0):
+            lens = lenses + k * 4 * LENS_SIZE
+            b, r = _colour_blocks(lens, addresses + k * 40, cubic, seen, k, weight)
+            luma = _sum(seen, k, _LUMA)
+            on_b, on_r = load_float(lens, TONE_AT + 3), load_float(lens, TONE_AT + 6)
+            sum_b += load_float(lens, TONE_AT + 2) * b + on_b * luma + load_float(lens, TONE_AT + 4) * weight
+            sum_r += load_float(lens, TONE_AT + 5) * r + on_r * luma + load_float(lens, TONE_AT + 7) * weight
+            count += weight
+    return sum_b, sum_r, count
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _aim_cell(lens: int, blends: bool, pixels: int, seen: int, k: int) -> None:
+    """Where view k would see a cell's pixels.
+
+    By itself, as what waits for pictures waits for all: parts do not depend on each other, and the processor works on
+    several at once if they are short."""
+    for part in range(_PARTS):
+        q, dx = load(pixels, part * LANES), load(pixels, (_PARTS + part) * LANES)
+        dy, dz = load(pixels, (2 * _PARTS + part) * LANES), load(pixels, (3 * _PARTS + part) * LANES)
+        u, v, code, clean, mixed = aim(lens, q, dx, dy, dz, blends)
+        _put(seen, k, part, _U, u)
+        _put(seen, k, part, _V, v)
+        _put(seen, k, part, _CODE, code)
+        _put(seen, k, part, _CLEAN, clean)
+        _put(seen, k, part, _MIXED, mixed)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _look_cell(lens: int, addresses: int, blend: int, cubic: bool, pixels: int, seen: int, k: int, sums: int) -> bool:
+    """Ask view k for the pixels of a cell that are still open; returns whether any are left."""
+    left = spread(0.0)
+    for part in range(_PARTS):
+        count = load(sums, part * LANES)
+        wanted = (count < np.float32(blend)) & (load(pixels, part * LANES) > 0.0)
+        u, v, code = _field(seen, k, part, _U), _field(seen, k, part, _V), _field(seen, k, part, _CODE)
+        clean, mixed = _field(seen, k, part, _CLEAN), _field(seen, k, part, _MIXED)
+        share, luma, u, v, manner = look(
+            lens, addresses, wanted & (code > np.float32(OUTSIDE)), u, v, code, clean, mixed, blend > 1, cubic
+        )  # fmt: skip
+        _put(seen, k, part, _SHARE, share)
+        _put(seen, k, part, _LUMA, luma)
+        _put(seen, k, part, _U, u)
+        _put(seen, k, part, _V, v)
+        _put(seen, k, part, _MANNER, manner)
+        count += select(share > 0.0, spread(1.0), 0.0)
+        toned_luma = load_float(lens, TONE_AT) * luma + load_float(lens, TONE_AT + 1)
+        store(sums, part * LANES, count)
+        store(sums, (_PARTS + part) * LANES, load(sums, (_PARTS + part) * LANES) + share)
+        store(sums, (2 * _PARTS + part) * LANES, load(sums, (2 * _PARTS + part) * LANES) + share * toned_luma)
+        left += select(wanted & (count < np.float32(blend)), spread(1.0), 0.0)
+    return any_of(left > 0.0)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _see_cell(lenses: int, addresses: int, n: int, blend: int, cubic: bool, pixels: int, seen: int, sums: int) -> int:
+    """Ask n views for a cell; returns how many were asked.
+
+    pixels [4, PARTS, LANES]: disparity and direction; seen [n, FIELDS, PARTS, LANES]: filled for those asked;
+    sums [3, PARTS, LANES]: filled with the number of views that agree, their weights, and their luma by weight.
+    """
+    open_ = spread(0.0)
+    for part in range(_PARTS):
+        open_ = maximum(open_, load(pixels, part * LANES))
+    for i in range(3 * _PARTS):
+        store(sums, i * LANES, spread(0.0))
+    k, some = 0, any_of(open_ > 0.0)
+    while some and k < n:
+        lens = lenses + k * 4 * LENS_SIZE
+        _aim_cell(lens, blend > 1, pixels, seen, k)
+        some = _look_cell(lens, addresses + k * 40, blend, cubic, pixels, seen, k, sums)
+        k += 1
+    return k
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _shade_pair(
+    camera: F64, y: int, width: int, near: int, across: int, lenses: int, addresses: int, n: int, blend: int,
+    cubic: bool, room: int, lumas: int, chromas: int,
 ) -> None:  # fmt: skip
-    """Colours of a row; a pixel to which no view agreed asks the one that drew it."""
-    point, image = np.empty((3, 1)), np.empty((3, 1))
-    for x in range(drawn.shape[0]):
-        if drawn[x] <= 0.0:
+    """Colour two rows of so many pixels, a multiple of a cell, from n views. Addresses of float32 arrays: near [2, w]:
+    disparity of the pixels to be coloured; across [2, w]: see `_directions`; lumas [2, w]: filled, -1 where no view
+    agrees; chromas [3, w / 2]: filled for each block with sums of cb and cr over the pixels coloured, and their number;
+    room [ROOM + n FIELDS, PARTS, LANES]."""
+    scale, height = _row_of_directions(camera, y)
+    scale_below, height_below = _row_of_directions(camera, y + 1)
+    pixels, sums, seen = room, room + 4 * _PARTS * LANES * 4, room + _ROOM * _PARTS * LANES * 4
+    for x in range(0, width, _CELL):
+        for part in range(_PARTS):
+            below, column = part >= 2, x + (part & 1) * LANES
+            s = np.float32(scale_below if below else scale)
+            store(pixels, part * LANES, load(near, column + width if below else column))
+            store(pixels, (_PARTS + part) * LANES, load(across, column) * s)
+            store(pixels, (2 * _PARTS + part) * LANES, load(across, width + column) * s)
+            store(pixels, (3 * _PARTS + part) * LANES, spread(height_below if below else height))
+        asked = _see_cell(lenses, addresses, n, blend, cubic, pixels, seen, sums)
+        for part in range(_PARTS):
+            total, luma = load(sums, (_PARTS + part) * LANES), load(sums, (2 * _PARTS + part) * LANES)
+            inverse = 1.0 / maximum(total, 1e-30)
+            store(sums, (_PARTS + part) * LANES, inverse)
+            at = x + (part & 1) * LANES
+            store(lumas, at + width if part >= 2 else at, select(total > 0.0, luma * inverse, -1.0))
+        b, r, count = _colour_cell(lenses, addresses, asked, cubic, seen, sums + _PARTS * LANES * 4)
+        store(chromas, x >> 1, b)
+        store(chromas, (width + x) >> 1, r)
+        store(chromas, width + (x >> 1), count)
+
+
+@numba.njit(inline="always", cache=True)
+def _are_coloured(drawn: int, luma: int, x: int) -> bool:
+    """Whether none of sixteen pixels was drawn but not coloured (luma below 0)."""
+    return not any_of((load(drawn, x) > 0.0) & (load(luma, x) < 0.0))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _ask_winners(
+    table: F64, addresses: I64, camera: F64, y: int, drawn: F32, winner: U8, luma: F32, chromas: F32
+) -> None:
+    """What no view has coloured of a row takes the colour of the view that drew it."""
+    w = drawn.shape[0]
+    for start in range(0, w, LANES):
+        if start + LANES <= w and _are_coloured(drawn.ctypes.data, luma.ctypes.data, start):
             continue
-        if sums[0, x] <= 0.0:
-            k = np.int64(winner[x])
-            point[0, 0], point[1, 0], point[2, 0] = points[0, x], points[1, x], points[2, x]
-            _project_row(table, k, point, image)
-            y, b, r, _ = _fetch(table, addresses, k, image[0, 0], image[1, 0], image[2, 0], True)
-            sums[1, x], sums[2, x], sums[3, x] = toned(table[k, TONE:], y, b, r)
-            sums[0, x] = 1.0
-        inverse = 1.0 / sums[0, x]
-        # Tones and cubic convolution overshoot.
-        luma[x] = min(max(sums[1, x] * inverse, 0.0), LARGEST)
-        chroma_b[x] = min(max(sums[2, x] * inverse, 0.0), LARGEST)
-        chroma_r[x] = min(max(sums[3, x] * inverse, 0.0), LARGEST)
+        for x in range(start, min(start + LANES, w)):
+            if luma[x] < np.float32(0.0) and drawn[x] > np.float32(0.0):
+                tone, b, r = _shade_by_winner(table, addresses, np.int64(winner[x]), camera, y, x, drawn[x])
+                luma[x] = max(tone, 0.0)
+                chromas[0, x >> 1] += b
+                chromas[1, x >> 1] += r
+                chromas[2, x >> 1] += 1.0
+
+
+@numba.njit(forceinline=True, cache=True)
+def _store_where(some: Truths, address: int, x: int, values: Floats) -> None:
+    store(address, x, select(some, values, load(address, x)))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _write_cell(drawn: int, luma: int, chroma_b: int, chroma_r: int, out: int, out_b: int, out_r: int, x: int) -> None:
+    """Write what is drawn of 32 pixels of a row; chroma_b and chroma_r are those of its blocks."""
+    left, right = load(drawn, x) > 0.0, load(drawn, x + LANES) > 0.0
+    b, r = load(chroma_b, x >> 1), load(chroma_r, x >> 1)
+    # Tones and cubic convolution overshoot.
+    _store_where(left, out, x, minimum(maximum(load(luma, x), 0.0), np.float32(LARGEST)))
+    _store_where(right, out, x + LANES, minimum(maximum(load(luma, x + LANES), 0.0), np.float32(LARGEST)))
+    _store_where(left, out_b, x, zipped(b, b))
+    _store_where(right, out_b, x + LANES, zipped_rest(b, b))
+    _store_where(left, out_r, x, zipped(r, r))
+    _store_where(right, out_r, x + LANES, zipped_rest(r, r))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _write_row(drawn: F32, luma: F32, chroma_b: F32, chroma_r: F32, out: F32, out_b: F32, out_r: F32) -> None:
+    """Write what is drawn of a row, within the codes."""
+    w = drawn.shape[0]
+    whole = w - w % _CELL
+    for x in range(0, whole, _CELL):
+        _write_cell(
+            drawn.ctypes.data, luma.ctypes.data, chroma_b.ctypes.data, chroma_r.ctypes.data,
+            out.ctypes.data, out_b.ctypes.data, out_r.ctypes.data, x,
+        )  # fmt: skip
+    for x in range(whole, w):
+        if drawn[x] > 0.0:
+            out[x], out_b[x], out_r[x] = min(max(luma[x], 0.0), LARGEST), chroma_b[x >> 1], chroma_r[x >> 1]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _shade_rows(
+    first: int, last: int, disparity: F32, winner: U8, camera: F64, across: F32, full: F64, full_addresses: I64,
+    lenses: F32, addresses: I64, blend: int, cubic: bool, luma: F32, chroma_b: F32, chroma_r: F32,
+) -> None:  # fmt: skip
+    """Shade pairs of rows from the first to before the last."""
+    h, w = disparity.shape
+    n, padded = lenses.shape[0], across.shape[1]
+    near, lumas = np.zeros((2, padded), np.float32), np.empty((2, padded), np.float32)
+    chromas = np.empty((3, padded // 2), np.float32)
+    room = np.empty((_ROOM + n * _FIELDS) * _PARTS * LANES, np.float32)
+    zero, largest = np.float32(0.0), np.float32(LARGEST)
+    for y in range(2 * first, min(2 * last, h), 2):
+        rows = min(2, h - y)
+        near[rows:] = zero
+        for row in range(rows):
+            for x in range(w):
+                near[row, x] = disparity[y + row, x] if winner[y + row, x] < n else zero
+        _shade_pair(
+            camera, y, padded, near.ctypes.data, across.ctypes.data, lenses.ctypes.data, addresses.ctypes.data, n,
+            blend, cubic, room.ctypes.data, lumas.ctypes.data, chromas.ctypes.data,
+        )  # fmt: skip
+        for row in range(rows):
+            v = y + row
+            _ask_winners(full, full_addresses, camera, v, disparity[v], winner[v], lumas[row], chromas)
+        for i in range(chromas.shape[1]):
+            inverse = np.float32(1.0) / chromas[2, i]
+            chromas[0, i] = min(max(chromas[0, i] * inverse, zero), largest)
+            chromas[1, i] = min(max(chromas[1, i] * inverse, zero), largest)
+        for row in range(rows):
+            v = y + row
+            _write_row(disparity[v], lumas[row], chromas[0], chromas[1], luma[v], chroma_b[v], chroma_r[v])
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
@@ -403,7 +436,7 @@ def shade(
     n_views: int, blend: int, cubic: bool,
     luma: F32, chroma_b: F32, chroma_r: F32,
 ) -> None:  # fmt: skip
-    """Fill luma, chroma_b and chroma_r [h, w] where disparity > 0.
+    """Fill luma, chroma_b and chroma_r [h, w] where disparity > 0; chroma is that of a block of 2 x 2 pixels.
 
     `full` and `table` are the same views, at their full size and at that which suits the picture; where the latter has
     no texel of a surface, the former is asked.
@@ -413,26 +446,16 @@ def shade(
     interpolated by cubic convolution where a surface is whole and its colours are rough.
     """
     h, w = disparity.shape
-    chunks = min(h, _CHUNKS)
+    pairs, padded = (h + 1) // 2, (w + _CELL - 1) // _CELL * _CELL
+    lenses, across = np.empty((n_views, LENS_SIZE), np.float32), np.empty((2, padded), np.float32)
+    for k in range(n_views):
+        make_lens(table[k], camera, lenses[k])
+    _directions(camera, w, across)
+    chunks = min(pairs, _CHUNKS)
     for chunk in numba.prange(chunks):
-        points, images, sums = np.empty((3, w)), np.empty((3, w)), np.empty((4, w))
-        weights, taken = np.ones((2, w)), np.empty(w, np.uint8)
-        # Rows are dealt out in turn: expensive regions spread over the threads.
-        for y in range(np.int64(chunk), h, chunks):
-            _unproject_row(camera, y, disparity[y], points)
-            sums[:] = 0.0
-            open_pixels = 0
-            for x in range(w):
-                wanted = disparity[y, x] > 0.0 and winner[y, x] < n_views
-                taken[x] = 0 if wanted else blend
-                open_pixels += wanted
-            for k in range(n_views):
-                if open_pixels == 0:
-                    break
-                _project_row(table, k, points, images)
-                if blend > 1:
-                    _weigh_row(table, k, camera, points, images, weights)
-                open_pixels -= _gather_row(table, addresses, k, blend, cubic, images, weights, taken, sums)
-            _finish_row(
-                full, full_addresses, disparity[y], winner[y], points, sums, luma[y], chroma_b[y], chroma_r[y]
-            )
+        # Rows next to each other look at the same texels.
+        first, last = np.int64(chunk) * pairs // chunks, (np.int64(chunk) + 1) * pairs // chunks
+        _shade_rows(
+            first, last, disparity, winner, camera, across, full, full_addresses, lenses, addresses, blend, cubic,
+            luma, chroma_b, chroma_r,
+        )  # fmt: skip

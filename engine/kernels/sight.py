@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import project_point
-from .shade import EDGE, INVALID, OFFSET, STEP, load_texel
+from .view_table import EDGE, INVALID, OFFSET, STEP, load_texel
 
 __all__ = ["looks_through", "shows"]
 
@@ -29,7 +29,7 @@ def _image(row: F64, x: float, y: float, z: float, slack: float) -> tuple[int, f
 def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: float, texels: int = 4) -> bool:
     """Whether a view sees farther, by more than `slack` metres, on so many of the four texels round a point's image.
 
-    row: of a view table (`kernels.shade`), codes: address of depth codes of its size.
+    row: of a view table (`kernels.view_table`), codes: address of depth codes of its size.
     """
     at, depth = _image(row, x, y, z, slack)
     if at < 0:

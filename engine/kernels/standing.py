@@ -42,8 +42,8 @@ def standing_hit(
     A surface stands where the view that it stems from shows it now (most do: one ray), or no view has ever looked
     through it. What lies within `slack` metres of the farthest hit is taken to be that surface, and it is the last
     resort: whether it is a ghost the front end sees. owners [geometries, >= 3]: column 2 is a geometry's view;
-    table: views as `kernels.shade` has them; codes [views, 2]: addresses of their present codes and of their maximum
-    depth images.
+    table: views as `kernels.view_table` has them; codes [views, 2]: addresses of their present codes and of their
+    maximum depth images.
     """
     px, py, pz = unproject_point(camera, u, v, 1.0)
     ox, oy, oz = np.float32(camera[16]), np.float32(camera[17]), np.float32(camera[18])
