@@ -54,6 +54,7 @@ class MaximumDepthImage:
         self._limits = np.empty(self.codes.shape, np.uint16)  # below which a new code is farther; kept up to date
         self._edge = edge
         self._number = 0  # of the last view taken
+        self._turn = 0  # of the last one that was looked at whole
         self.compare_by(tolerances)
         blocks = [-(-size // step) for size, step in zip(self.codes.shape, BLOCK, strict=True)]
         self.pending = np.zeros(blocks, bool)  # blocks with updates since the camera's last turn
@@ -72,11 +73,12 @@ class MaximumDepthImage:
         all within PHASES views.
         """
         self._number += 1
+        self._turn += whole
         before, counts = self._counts[self._number % 2], self._counts[1 - self._number % 2]
         update_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
             self._limits, self.updated, self.provisional, self.fused, self._by_code, before, counts, self._rules,
-            np.asarray(tone), self._number, whole,
+            np.asarray(tone), self._number, self._turn if whole else -1,
         )  # fmt: skip
         self.pending |= counts > 0
         return int(counts.sum())

@@ -30,7 +30,7 @@ TILE = 64  # columns that are compared at once before any is written
 # Every frame looks at one of so many pairs of rows, another one each time: for what has changed, for provisional
 # colours, and to fuse depth. So many pairs and TILE columns are a block.
 PHASES = 8
-_FRESH, _TRIED = 1, 2  # provisional colours: those that were still beside something nearer wait for a whole look
+_FRESH, _TRIED = 1, 2  # provisional colours: those that were still beside something nearer wait for a change
 # How many frames a mean may hold: with more it would follow nothing any more. Colours change sooner, with light and
 # shadow, and a first one that was mixed with someone's who was about to leave is soon forgotten.
 DEPTH_FRAMES, COLOUR_FRAMES = 32, 8
@@ -159,7 +159,7 @@ def _stirred(changed: I64, band: int, tile: int) -> bool:
 def update_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
     limits: U16, updated: U8, provisional: U8, fused: U8, by_code: U16, before: I64, counts: I64, rules: F64,
-    tone: F64, number: int, whole: bool,
+    tone: F64, number: int, turn: int,
 ) -> None:  # fmt: skip
     """Takes over depth and colour where the new view is farther by a nontrivial amount, or sees something first.
 
@@ -167,32 +167,34 @@ def update_maximum_depth(
 
     A call looks at one pair of rows of each block, another one as `number` counts up: reading all that has not changed
     costs more than everything else. Where that pair has changed, or the block or a neighbour of it had in the call
-    before, it looks at the whole block; with `whole` at all of them. So nothing that stays for PHASES calls is missed,
-    and at once what is as high as a block.
+    before, it looks at the whole block; with a `turn` of 0 or more at all of them. So nothing that stays for PHASES
+    calls is missed, and what is as high as a block is found at once.
 
     codes, y, limits, updated, provisional, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; before, counts: pixels
     updated per block in the call before and in this one. `updated` and `fused` are set to 1 there, and `updated` is
     never cleared. A provisional colour is replaced when the same surface is seen away from depth edges: looked at once
-    within PHASES calls, and then whenever `whole`.
+    within PHASES calls; then where something has changed, and in one pair of rows a `turn`, which counts up.
     """
     h, w = codes.shape
-    lowest, wanted = np.uint16(rules[2]), _FRESH | _TRIED if whole else _FRESH
+    lowest, whole = np.uint16(rules[2]), turn >= 0
     for band in numba.prange(counts.shape[0]):
         first = np.int64(band) * PHASES
         last = min(first + PHASES, (h + 1) // 2)
-        look = first + number % (last - first)
+        look, again = first + number % (last - first), first + turn % (last - first) if whole else -1
         for tile in range(counts.shape[1]):
             start, count = tile * TILE, 0
             x0 = max(min(start, w - TILE), 0)  # the last tile overlaps the one before
             narrow = w < TILE
-            every = narrow or whole or _stirred(before, band, tile)
-            every = every or _pair_farther(look, x0, new_codes, limits, lowest)
+            stirred = narrow or _stirred(before, band, tile)
+            every = stirred or whole or _pair_farther(look, x0, new_codes, limits, lowest)
+            wanted = _FRESH | _TRIED if stirred else _FRESH
             if every or _pair_set(look, x0, provisional, wanted):
                 for pair in range(first if every else look, last if every else look + 1):
                     if (
                         narrow
                         or _pair_farther(pair, x0, new_codes, limits, lowest)
-                        or ((whole or pair == look) and _pair_set(pair, x0, provisional, wanted))
+                        or (pair == look and _pair_set(pair, x0, provisional, wanted))
+                        or (pair == again and _pair_set(pair, x0, provisional, _FRESH | _TRIED))
                     ):
                         for column in range(start // 2, (min(start + TILE, w) + 1) // 2):
                             if _concerned(pair, column, new_codes, limits, provisional, lowest):
