@@ -21,7 +21,7 @@ from .exposure import Exposure, to_common, to_picture
 from .filling import fill, hole_fraction, rise_per_pixel
 from .frame import Frame
 from .outlines import smooth_outlines
-from .pbi import enlarged, imaginary_camera
+from .pbi import enlarged, imaginary_camera, uncovered_cells
 from .prepared import PreparedView, ViewTable, pixels_per_radian
 from .scene import Scene
 from .selection import select_views, view_shares
@@ -39,6 +39,9 @@ V = TypeVar("V", StereoView, Camera, StereoView | Camera)
 
 _STEREO_VIEWERS = 4  # stereo pairs that are rendered at the same time
 _NEAR = 0.02  # of the depth range's near end: nearer to the eye nothing is drawn
+# What so many of the drawn views cover, also from eyes that move by so much, metres, besides their own speed, needs no
+# background. The first ones: they are still drawn when the head has moved on a little.
+_STEADY_VIEWS, _SWAY = 3, 0.02
 
 
 @dataclass(slots=True)
@@ -149,7 +152,7 @@ class Engine:
             for name, viewer in viewers.items():
                 if self._model is not None:
                     speed, scaled = (speeds or {}).get(name, 0.0), _scaled(viewer, settings)
-                    backdrops[name], rays = self._backdrop(scaled, speed, scene, present)
+                    backdrops[name], rays = self._backdrop(scaled, speed, scene, views, present)
                     backdrops[name].mesh()
                     pbi_rays += rays
         with timed(stages, "triangulate"):
@@ -253,19 +256,26 @@ class Engine:
         cameras = [prepared.view.camera for prepared in front.views]
         return to_picture(front.tones, view_shares(target, cameras, front.scene.depths[:2]))
 
-    def _backdrop(self, viewer: Viewer, speed: float, scene: Scene, present: ViewTable) -> tuple[PreparedView, int]:
+    def _backdrop(
+        self, viewer: Viewer, speed: float, scene: Scene, views: Sequence[PreparedView], present: ViewTable
+    ) -> tuple[PreparedView, int]:
         """A viewer's PBI, and the rays that it took."""
         assert self._model is not None
-        scale, margin = self.settings.pbi_scale, self.settings.pbi_margin_rad
+        settings, moves = self.settings, speed / self.f_vin + _SWAY
+        scale, margin = settings.pbi_scale, settings.pbi_margin_rad
         if isinstance(viewer, Camera):
             camera = enlarged(viewer, scene.coding, scale, margin)
         else:
             camera = imaginary_camera(viewer, speed, self.f_vin, scene.coding, scale, margin)
-        standing = self.settings.backdrop == "standing"
+            moves += 0.5 * viewer.ipd
+        behind = math.dist(camera.pose.position, viewer.pose.position)
+        chosen = [views[k] for k in self._select(viewer, views, scene, settings)[:_STEADY_VIEWS]]
+        wanted = uncovered_cells(camera, chosen, behind + moves, scene.origin)
+        standing = settings.backdrop == "standing"
         # What lies between the imaginary camera and the head is not seen.
-        near = math.dist(camera.pose.position, viewer.pose.position) + _NEAR * scene.coding.near
-        image = self._model.render_pbi(camera, present if standing else None, near=near)
-        return PreparedView(image.view, scene.triangulation(camera, self.settings), scene.origin), image.rays
+        near = behind + _NEAR * scene.coding.near
+        image = self._model.render_pbi(camera, present if standing else None, near=near, wanted=wanted)
+        return PreparedView(image.view, scene.triangulation(camera, settings), scene.origin), image.rays
 
     def _select(self, viewer: Viewer, views: Sequence[PreparedView], scene: Scene, settings: Settings) -> list[int]:
         cameras = [prepared.view.camera for prepared in views]

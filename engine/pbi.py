@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
 
 from .camera import Camera, Equirectangular, Perspective
 from .depth import DepthCoding
 from .frame import View
+from .kernels.uncovered import CELL, mark_uncovered
+from .prepared import PreparedView, ViewTable
 from .stereo import StereoView
 
-__all__ = ["MARGIN_RAD", "BackgroundImage", "enlarged", "imaginary_camera"]
+__all__ = ["MARGIN_RAD", "BackgroundImage", "enlarged", "imaginary_camera", "uncovered_cells"]
 
 MARGIN_RAD = math.radians(3.0)  # what a head turns by until the next PBI: 90 degrees a second at 30 Hz
 _WIDEST = math.tan(math.radians(80.0))  # a frustum is not widened beyond this
@@ -61,6 +67,17 @@ def enlarged(camera: Camera, depth: DepthCoding, scale: float = 1.0, margin_rad:
     else:
         wide = _wider_sphere(projection, scale, margin_rad)
     return dataclasses.replace(camera, name="imaginary", projection=wide, depth=depth, texture_bits=10)
+
+
+def uncovered_cells(
+    camera: Camera, views: Sequence[PreparedView], reach_m: float, origin: npt.ArrayLike
+) -> npt.NDArray[np.uint8]:  # [ceil(h / CELL), ceil(w / CELL)]
+    """Which cells of an imaginary camera's picture eyes up to `reach_m` metres away from it may see past the views that
+    are drawn: 1, the others 0. Only there a PBI is of use."""
+    wanted = np.empty([math.ceil(size / CELL) for size in (camera.height, camera.width)], np.uint8)
+    table = ViewTable(views, drawn=len(views))
+    mark_uncovered(table.rows, table.addresses, camera.packed(origin), reach_m, wanted)
+    return wanted
 
 
 def _wider_sphere(projection: Equirectangular, scale: float, margin_rad: float) -> Equirectangular:

@@ -11,6 +11,7 @@ from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.depth import DepthCoding
 from farside.engine.export_mesh import ColouredMesh, srgb_from_ycbcr, to_glb, to_ply
 from farside.engine.frame import Frame, View
+from farside.engine.kernels.uncovered import CELL
 from farside.engine.pbi import enlarged, imaginary_camera
 from farside.engine.scene import Scene
 from farside.engine.settings import Settings
@@ -194,3 +195,17 @@ def test_joined_meshes_keep_only_the_vertices_in_use():
     np.testing.assert_array_equal(joined.vertices, corner)
     np.testing.assert_array_equal(joined.triangles, [[0, 1, 2]])
     assert len(ColouredMesh.joined([]).triangles) == 0
+
+
+def test_only_wanted_cells_are_made():
+    cameras = camera_row()
+    model = model_of(cameras, frame(0, cameras, box_y=0.1))
+    camera = Camera("i", Perspective.from_fov(61, 43, 0.7), Pose((-0.1, 0.1, 0.0)), CODING)
+    everything = model.render_pbi(camera)
+    wanted = np.random.default_rng(0).integers(0, 2, (11, 16)).astype(np.uint8)
+    part = model.render_pbi(camera, wanted=wanted)
+    made = np.kron(wanted, np.ones((CELL, CELL)))[:43, :61] != 0
+    assert not part.view.codes[~made].any()
+    for found, expected in ((part.view.codes, everything.view.codes), (part.view.texture.y, everything.view.texture.y)):
+        assert np.mean(np.abs(found.astype(int) - expected)[made] > 2) < 0.005
+    assert part.rays < 0.9 * everything.rays

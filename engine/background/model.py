@@ -324,14 +324,15 @@ class BackgroundModel:
     # What is made of it
 
     def render_pbi(
-        self, camera: Camera, present: ViewTable | None = None, *, near: float = 0.0, sparse: bool = True
-    ) -> BackgroundImage:
+        self, camera: Camera, present: ViewTable | None = None, *, near: float = 0.0, sparse: bool = True,
+        wanted: npt.NDArray[np.uint8] | None = None,
+    ) -> BackgroundImage:  # fmt: skip
         """The background seen from a camera (its depth coding must have invalid codes), section 3.4.1.
 
         Without `present`, the farthest surfaces; with the views of the newest frame, in the order of the cameras, the
         nearest ones beyond depth `near` (metres) that stand: no view looks or has ever looked through them, or the one
         they stem from shows them now. `sparse`: between every second pixel rays are cast only where these do not see
-        one plane; else everywhere.
+        one plane; else everywhere. `wanted` (`pbi.uncovered_cells`): only there; all else is left as holes.
         """
         if not camera.depth.has_invalid:
             raise ValueError(f"camera {camera.name}: depth coding {camera.depth}: expected one with invalid codes")
@@ -343,7 +344,7 @@ class BackgroundModel:
             self._pbs.intersect, self._pbs.scene, camera.packed(self._origin), self._pbs.bounds,
             coding_row(camera), camera.depth.max_code, self._pbs.surface_table, self._image_table,
             near, np.empty((0, 0)) if present is None else present.rows, self._seen(present), self.delta, sparse,
-            codes, texture.y, texture.cb, texture.cr,
+            np.empty((0, 0), np.uint8) if wanted is None else wanted, codes, texture.y, texture.cb, texture.cr,
         )  # fmt: skip
         return BackgroundImage(View(camera, texture, codes), int(rays))
 

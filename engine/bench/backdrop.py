@@ -72,6 +72,8 @@ def compare_backdrops(
     for index in range(frames):
         frame, viewers = twin_frame(twin, index), {c.name: c for c in cameras} if index % every == 0 else {}
         for engine in engines.values():
+            # Where fewer views are drawn, more of the backdrop is needed.
+            engine.settings = dataclasses.replace(engine.settings, n_render=min(VIEWS))
             engine.update(frame, viewers)
         for camera, views in product(viewers.values(), VIEWS):
             yield from _samples(engines, camera, twin.truth(camera, index), index, views)

@@ -11,9 +11,11 @@ import numpy.typing as npt
 from .project import unproject_point
 from .rays import farthest_hit, load_f32, load_u16, load_u32
 from .standing import standing_hit
+from .uncovered import CELL
 
 __all__ = ["render_background", "sample_colours"]
 
+U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -172,11 +174,21 @@ def _mean(hits: F64, k: int, grid: F64, a: int, b: int) -> None:
         hits[k, i] = 0.5 * (grid[a, i] + grid[b, i])
 
 
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _is_wanted(wanted: U8, pair: int, column: int, before: int) -> bool:
+    """Whether a 2x2 of pixels, or one up to `before` to the left of it or above it, is in a cell that is wanted."""
+    if wanted.size == 0:
+        return True
+    y, x = 2 * pair // CELL, 2 * column // CELL
+    top, left = 2 * max(pair - before, 0) // CELL, 2 * max(column - before, 0) // CELL
+    return (wanted[y, x] | wanted[top, x] | wanted[y, left] | wanted[top, left]) != 0
+
+
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def render_background(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, largest: int,
     surfaces: I64, images: I64, near: float, present: F64, seen: I64, slack: float, sparse: bool,
-    codes: U16, y: U16, cb: U16, cr: U16,
+    wanted: U8, codes: U16, y: U16, cb: U16, cr: U16,
 ) -> int:  # fmt: skip
     """Fills a view of the background, code 0 where there is none; returns the rays cast.
 
@@ -186,21 +198,27 @@ def render_background(
     surfaces [geometries, 4]: addresses of triangles and uv, the owner camera, address of points; images [cameras, 8]:
     see the constants above. coding as in `coverage.keep_farther`, `largest` its largest code. With `sparse` rays
     are cast through every second pixel both ways, and between these only where they do not meet one plane. Chroma is
-    the mean over the pixels of a 2x2 that are not holes.
+    the mean over the pixels of a 2x2 that are not holes. Cells that are not `wanted` (see `uncovered`; one with no
+    elements: all are) are left as holes.
     """
     h, w = codes.shape
     rows, columns = cb.shape
     grid, rays = np.empty((rows * columns, 7)), 0
     for pair in numba.prange(rows):
         for column in range(columns):
-            rays += _cast(
-                function, scene, camera, bounds, surfaces, near, present, seen, slack,
-                2 * column, 2 * pair, grid, pair * columns + column,
-            )  # fmt: skip
+            if _is_wanted(wanted, pair, column, 1):
+                rays += _cast(
+                    function, scene, camera, bounds, surfaces, near, present, seen, slack,
+                    2 * column, 2 * pair, grid, pair * columns + column,
+                )  # fmt: skip
     for pair in numba.prange(rows):
         hits = np.empty((4, 7))
         for column in range(columns):
             x, row, own = 2 * column, 2 * pair, pair * columns + column
+            if not _is_wanted(wanted, pair, column, 0):
+                codes[row : row + 2, x : x + 2], y[row : row + 2, x : x + 2] = 0, 0
+                cb[pair, column], cr[pair, column] = 512, 512
+                continue
             right, below = own + 1, own + columns
             inside = sparse and pair + 1 < rows and column + 1 < columns
             for i in range(7):

@@ -11,9 +11,8 @@ import math
 import numba
 import numpy as np
 import numpy.typing as npt
-from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from .project import CAMERA_SIZE, project_point, unproject_point
+from .project import project_pixels, project_point, unproject_point
 
 __all__ = ["BLOCK", "cover_cells", "keep_farther", "mark_smooth"]
 
@@ -28,12 +27,16 @@ U16 = npt.NDArray[np.uint16]
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
-Coding = tuple[float, float, float, float] | F64
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _disparity(code: float, coding: F64) -> float:
+    return coding[0] + coding[1] * max(float(code), coding[3])
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _depth(code: float, coding: F64) -> float:
-    return 1.0 / (coding[0] + coding[1] * max(float(code), coding[3]))
+    return 1.0 / _disparity(code, coding)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -84,7 +87,7 @@ def mark_smooth(codes: U16, coding: F64, tolerance_m: float, smooth: U8) -> None
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _farther(codes: U16, coding: Coding, wraps: bool, edge: float, u: float, v: float, limit: float) -> float:
+def _farther(codes: U16, coding: F64, wraps: bool, edge: float, u: float, v: float, limit: float) -> float:
     """By how many metres a view's surface at (u, v) is farther than `limit`: of the four pixels around it the mean
     where they are one surface, else the nearest. -inf where there are not four with a depth."""
     h, w = codes.shape
@@ -104,19 +107,6 @@ def _farther(codes: U16, coding: Coding, wraps: bool, edge: float, u: float, v: 
     return seen - limit if inside and lowest >= coding[2] else -math.inf
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
-def _project(camera: F64, coding: F64, other: F64, pixels: F64, images: F64, count: int) -> None:
-    """images [3, >= count] u, v and depth in another view of pixels [3, >= count] u, v and depth code.
-
-    Tuples, unlike arrays, keep what is the same for all pixels in registers: this compiles to vector instructions.
-    """
-    own, there = to_fixed_tuple(camera, CAMERA_SIZE), to_fixed_tuple(other, CAMERA_SIZE)
-    scale = to_fixed_tuple(coding, 4)
-    for i in range(count):
-        x, y, z = unproject_point(own, pixels[0, i], pixels[1, i], _depth(pixels[2, i], scale))
-        images[0, i], images[1, i], images[2, i] = project_point(there, x, y, z)
-
-
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _look_at_corners(
     codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
@@ -129,8 +119,8 @@ def _look_at_corners(
     count = images.shape[1]
     for i in range(count):
         x = min(BLOCK * i, w - 1)
-        pixels[0, i], pixels[1, i], pixels[2, i] = x + 0.5, y + 0.5, codes[y, x]
-    _project(camera, coding, earlier_camera, pixels, images, count)
+        pixels[0, i], pixels[1, i], pixels[2, i] = x + 0.5, y + 0.5, _disparity(codes[y, x], coding)
+    project_pixels(camera, earlier_camera, pixels, images, count)
     for i in range(count):
         u, v, there = images[0, i], images[1, i], images[2, i]
         side = (u < 0.0) * _LEFT + (u >= earlier_camera[1]) * _RIGHT
@@ -177,9 +167,10 @@ def _look_at_pixels(
     for y in range(top, bottom):
         for x in range(left, right):
             if keep[y, x] != 0 and codes[y, x] >= coding[2]:
-                pixels[0, count], pixels[1, count], pixels[2, count] = x + 0.5, y + 0.5, codes[y, x]
+                pixels[0, count], pixels[1, count] = x + 0.5, y + 0.5
+                pixels[2, count] = _disparity(codes[y, x], coding)
                 count += 1
-    _project(camera, coding, earlier_camera, pixels, images, count)
+    project_pixels(camera, earlier_camera, pixels, images, count)
     for i in range(count):
         u, v, there = images[0, i], images[1, i], images[2, i]
         if there > 0.0 and u >= 0.0 and v >= 0.0 and u < earlier_camera[1] and v < earlier_camera[2]:
