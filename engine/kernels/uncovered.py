@@ -16,7 +16,7 @@ import numpy.typing as npt
 from .cuts import BROKEN
 from .project import PERSPECTIVE, project_pixels
 from .rays import load_i64
-from .shade import INVALID, OFFSET, STEP, load_byte, load_texel
+from .view_table import INVALID, OFFSET, STEP, load_byte, load_texel
 
 __all__ = ["BLOCK", "CELL", "mark_uncovered"]
 
@@ -139,7 +139,7 @@ def mark_uncovered(table: F64, addresses: I64, camera: F64, reach_m: float, want
     """wanted [ceil(h / CELL), ceil(w / CELL)] of a camera's picture: 1 where an eye up to `reach_m` metres away from
     the camera may look past what all of some views show, else 0.
 
-    table, addresses: the views as `kernels.shade` reads them, with cuts.
+    table, addresses: the views as `kernels.view_table` has them, with cuts.
     """
     rows, columns = wanted.shape
     views = table.shape[0]
