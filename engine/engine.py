@@ -30,6 +30,7 @@ from .settling import Settler
 from .stages import Stages, timed
 from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
 from .threads import set_thread_count, thread_count
+from .triangulation import Triangulator
 from .warping import Canvas, Target
 
 __all__ = ["BackEndReport", "Engine", "Viewer"]
@@ -86,6 +87,7 @@ class Engine:
         self._scene: Scene | None = None
         self._model: BackgroundModel | None = None
         self._exposure: Exposure | None = None
+        self._triangulators = [Triangulator() for _ in self.cameras]
         self._front: _FrontBuffer | None = None
         self._canvases: dict[tuple[int, int], list[Canvas]] = {}
         self._canvas_lock = threading.Lock()
@@ -135,8 +137,10 @@ class Engine:
             self._scene = Scene.of([view.camera for view in frame.views], settings, frame)
         scene = self._scene
         views = tuple(
-            PreparedView(view, scene.triangulation(view.camera, settings), scene.origin, settings.completion)
-            for view in frame.views
+            PreparedView(
+                view, scene.triangulation(view.camera, settings), scene.origin, settings.completion, triangulator
+            )
+            for view, triangulator in zip(frame.views, self._triangulators, strict=True)
         )
         present = ViewTable(views)
         report = None

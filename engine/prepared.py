@@ -19,7 +19,7 @@ from .kernels import view_table
 from .kernels.tone import IDENTITY
 from .mesh import Mesh
 from .minification import Level, halved, level_for
-from .triangulation import TriangulationOptions, depth_cuts, triangulate
+from .triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
 
 __all__ = ["Part", "PreparedView", "ViewTable", "pixels_per_radian"]
 
@@ -38,17 +38,20 @@ def pixels_per_radian(camera: Camera) -> float:
 class PreparedView:
     """A view with what warping needs of it; its meshes are made when first asked for, by one thread.
 
-    With `completes` its pixels without depth get one (see `completion.complete`).
+    With `completes` its pixels without depth get one (see `completion.complete`). A camera's `triangulator` spares
+    what its last frame has in common with this one.
     """
 
     view: View  # as it was measured
     options: TriangulationOptions
     origin: npt.NDArray[np.float64]
     completes: bool = False
+    triangulator: Triangulator | None = None
     _meshes: dict[Part, Mesh] = field(default_factory=dict)
     _levels: list[Level] = field(default_factory=list)
     _lock: threading.RLock = field(default_factory=threading.RLock)
     _completed: Completed | None = None
+    _cuts: npt.NDArray[np.uint8] | None = None
 
     @property
     def completed(self) -> Completed:
@@ -78,12 +81,16 @@ class PreparedView:
 
     def _triangulate(self, part: Part) -> Mesh:
         codes, doubtful = self.completed
+        if part == "surface" and doubtful is None and self.triangulator is not None:
+            mesh, cuts = self.triangulator.triangulate(self.view.camera, codes, self.options, self.origin)
+            self._cuts = cuts if self._cuts is None else self._cuts  # someone may hold its address
+            return mesh
         if part == "surface" and doubtful is not None:
             codes = np.where(doubtful, np.uint16(0), codes)
         keep, rims = doubtful if part == "doubtful" else None, part == "rims"
-        cuts = self.cuts if rims or doubtful is None else None
+        known = self.cuts if rims or doubtful is None else None
         return triangulate(
-            self.view.camera, codes, self.options, origin=self.origin, keep=keep, rims=rims, cuts=cuts
+            self.view.camera, codes, self.options, origin=self.origin, keep=keep, rims=rims, cuts=known
         )
 
     @cached_property
@@ -139,10 +146,13 @@ class PreparedView:
         arrays = (level.codes, level.y, level.cb, level.cr, level.cuts)
         return row, np.array([array.ctypes.data for array in arrays], np.int64)
 
-    @cached_property
+    @property
     def cuts(self) -> npt.NDArray[np.uint8]:  # [h, w]
         """Where the view's surface is cut, doubtful depth included (see `depth_cuts`)."""
-        return depth_cuts(self.view.camera, self.completed.codes, self.options)
+        with self._lock:
+            if self._cuts is None:
+                self._cuts = depth_cuts(self.view.camera, self.completed.codes, self.options)
+            return self._cuts
 
 
 class ViewTable:

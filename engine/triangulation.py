@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,12 +12,16 @@ import numpy.typing as npt
 
 from . import threads as _threads  # noqa: F401 (Numba's threading layer, before the first parallel kernel)
 from .camera import Camera, Equirectangular, Perspective
+from .kernels import changes as change_kernels
 from .kernels import cuts as cut_kernels
 from .kernels import splits as split_kernels
 from .kernels import triangulate as kernels
+from .kernels.lanes import LANES
 from .mesh import Mesh
 
-__all__ = ["TriangulationOptions", "depth_cuts", "triangulate"]
+__all__ = ["TriangulationOptions", "Triangulator", "depth_cuts", "triangulate"]
+
+_BLOCK = split_kernels.BLOCK
 
 # A coarse code cannot be followed closer than to its own rounding, on both ends of a triangle's side.
 _ROUNDING_CODES = 1.0
@@ -41,8 +46,8 @@ class TriangulationOptions:
         for name in ("tolerance", "edge"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected a disparity of at least 0")
-        if not 1 <= self.max_block <= split_kernels.BLOCK or self.max_block & (self.max_block - 1):
-            raise ValueError(f"max_block: {self.max_block!r}: expected a power of two up to {split_kernels.BLOCK}")
+        if not 1 <= self.max_block <= _BLOCK or self.max_block & (self.max_block - 1):
+            raise ValueError(f"max_block: {self.max_block!r}: expected a power of two up to {_BLOCK}")
 
 
 def depth_cuts(
@@ -57,9 +62,7 @@ def depth_cuts(
     if keep is not None:
         _check("keep", keep, (h, w), np.uint8)
     flags = np.empty((h, w), np.uint8)
-    mask = np.zeros((1, 1), np.uint8) if keep is None else keep
-    edge = options.edge / camera.depth.step
-    cut_kernels.mark_broken(codes, mask, keep is not None, camera.depth.has_invalid, edge, _wraps(camera), flags)
+    _mark_cuts(camera, codes, options, keep, np.ones(_tiling(h, w), np.uint8), flags)
     return flags
 
 
@@ -82,45 +85,165 @@ def triangulate(
     and no merged triangle spans kept and other pixels. Points are relative to `origin`, metres. Raises ValueError
     for arrays of another shape or type.
     """
-    wraps = _wraps(camera)
     flags = depth_cuts(camera, codes, options, keep) if cuts is None else cuts
     both = kernels.BOTH if options.extend_edges else kernels.SURFACE
-    parts = kernels.RIMS if rims else both
-    splits, states = _splits(camera, codes, flags, options)
+    blocks = _Blocks(camera)
+    everything = np.ones_like(blocks.states)
+    _split(camera, codes, flags, options, everything, blocks)
+    _join(camera, blocks.splits)
+    return _mesh(camera, codes, flags, blocks, everything, origin, kernels.RIMS if rims else both)
+
+
+class Triangulator:
+    """Triangulates the views of one camera, frame after frame, as `triangulate` does: blocks of pixels that have not
+    changed since the last frame, nor their surroundings, are taken over.
+
+    Threads may share it.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._of: tuple[Camera, TriangulationOptions, tuple[float, ...]] | None = None  # what all below belongs to
+        self._codes = np.empty((0, 0), np.uint16)  # the last frame's
+        self._flags = np.empty((0, 0), np.uint8)
+        self._own: _Blocks  # splits that each block wants by itself
+        self._blocks: _Blocks
+        self._mesh: Mesh
+
+    def triangulate(
+        self,
+        camera: Camera,
+        codes: npt.NDArray[np.uint16],
+        options: TriangulationOptions,
+        origin: npt.ArrayLike = (0.0, 0.0, 0.0),
+    ) -> tuple[Mesh, npt.NDArray[np.uint8]]:
+        """The mesh of depth codes [h, w], and their flags [h, w] (see `depth_cuts`); neither is changed later on.
+
+        Raises ValueError for codes of another shape or type.
+        """
+        _check("codes", codes, (camera.height, camera.width), np.uint16)
+        place = np.asarray(origin, np.float64)
+        of = camera, options, (float(place[0]), float(place[1]), float(place[2]))
+        with self._lock:
+            known, self._of = self._of == of, None  # nothing is known if this fails
+            if not known:
+                self._codes, self._flags = np.empty_like(codes), np.empty(codes.shape, np.uint8)
+                self._own = _Blocks(camera)
+            changed = self._changes(camera, codes, known)
+            flags = self._flags.copy()
+            wanted = np.empty(_tiling(*codes.shape), np.uint8)
+            change_kernels.changed_flags(changed, wanted)
+            _mark_cuts(camera, codes, options, None, wanted, flags)
+            _split(camera, codes, flags, options, changed, self._own)
+            blocks = _Blocks(camera, self._own)
+            _join(camera, blocks.splits)
+            remade = changed
+            if known:
+                remade = np.empty_like(changed)
+                change_kernels.remade_blocks(changed, blocks.splits, self._blocks.splits, remade)
+            parts = kernels.BOTH if options.extend_edges else kernels.SURFACE
+            mesh = _mesh(camera, codes, flags, blocks, remade, place, parts, self._mesh if known else None)
+            self._flags, self._blocks, self._mesh, self._of = flags, blocks, mesh, of
+            return mesh, flags
+
+    def _changes(
+        self, camera: Camera, codes: npt.NDArray[np.uint16], known: bool
+    ) -> npt.NDArray[np.uint8]:  # [rows, columns]
+        """Which blocks have changed since the last frame, which this one is from now on."""
+        changed = np.ones_like(self._own.states)
+        h, w, wraps = camera.height, camera.width, _wraps(camera)
+        if not known:
+            self._codes[:] = codes
+            return changed
+        tiles = np.empty((math.ceil(h / _BLOCK), 3, math.ceil(w / _BLOCK)), np.uint8)
+        change_kernels.note_changes(codes, self._codes, tiles)
+        if not (wraps and 0 < w % _BLOCK < 3):  # there a block's surroundings lie beyond its neighbours
+            change_kernels.changed_blocks(tiles, wraps, changed)
+        return changed
+
+
+class _Blocks:
+    """Splits [rows, columns, WORDS] of a view's blocks and what is known of their pixels [rows, columns]."""
+
+    def __init__(self, camera: Camera, like: _Blocks | None = None) -> None:
+        rows = math.ceil((camera.height - 1) / _BLOCK)
+        columns = math.ceil((camera.width - (not _wraps(camera))) / _BLOCK)
+        self.splits = np.empty((rows, columns, split_kernels.WORDS), np.int64)
+        self.states = np.empty((rows, columns), np.uint8)
+        if like is not None:
+            self.splits[:], self.states[:] = like.splits, like.states
+
+
+def _mark_cuts(
+    camera: Camera,
+    codes: npt.NDArray[np.uint16],
+    options: TriangulationOptions,
+    keep: npt.NDArray[np.uint8] | None,
+    wanted: npt.NDArray[np.uint8],
+    flags: npt.NDArray[np.uint8],
+) -> None:
+    mask, coding = np.zeros((1, 1), np.uint8) if keep is None else keep, camera.depth
+    edge = options.edge / coding.step
+    cut_kernels.mark_broken(codes, mask, keep is not None, coding.has_invalid, edge, _wraps(camera), wanted, flags)
+
+
+def _split(
+    camera: Camera,
+    codes: npt.NDArray[np.uint16],
+    flags: npt.NDArray[np.uint8],
+    options: TriangulationOptions,
+    changed: npt.NDArray[np.uint8],
+    blocks: _Blocks,
+) -> None:
+    """Find what changed blocks want by themselves."""
+    # Of twice the distances, which are whole; those of a code from any other are below 65535.
+    tolerance = math.floor(min(2 * max(options.tolerance / camera.depth.step, _ROUNDING_CODES), 65534))
+    largest = options.max_block if options.tolerance > 0 else 1
+    split_kernels.split_blocks(
+        codes, flags, tolerance, largest, _wraps(camera), changed, blocks.splits, blocks.states
+    )
+
+
+def _join(camera: Camera, splits: npt.NDArray[np.int64]) -> None:
+    seam = camera.width - (splits.shape[1] - 1) * _BLOCK if _wraps(camera) else 0
+    split_kernels.join_blocks(splits, seam)
+
+
+def _mesh(
+    camera: Camera,
+    codes: npt.NDArray[np.uint16],
+    flags: npt.NDArray[np.uint8],
+    blocks: _Blocks,
+    remade: npt.NDArray[np.uint8],
+    origin: npt.ArrayLike,
+    parts: int,
+    before: Mesh | None = None,
+) -> Mesh:
+    """Make some blocks' triangles; the others are as they were before."""
+    wraps, splits, states = _wraps(camera), blocks.splits, blocks.states
+    if before is None:
+        before = Mesh(np.empty((0, 3), np.float32), np.empty((0, 2), np.float32), np.empty((0, 3), np.int32))
     used = np.empty((*states.shape, split_kernels.SIDE), np.int64)
-    counts = np.empty((states.size, 2), np.int64)
-    kernels.count_triangles(flags, splits, states, wraps, parts, used, counts)
+    counts = np.diff(before.starts, axis=0) if before.block_starts is not None else np.empty((states.size, 2), np.int64)
+    kernels.count_triangles(flags, splits, states, wraps, parts, remade, used, counts)
     starts = np.zeros((states.size + 1, 2), np.int64)
     np.cumsum(counts, axis=0, out=starts[1:])
     points = np.empty((starts[-1, 0], 3), np.float32)
     uv = np.empty((starts[-1, 0], 2), np.float32)
     triangles = np.empty((starts[-1, 1], 3), np.int32)
     coding = np.array([camera.depth.offset, camera.depth.step, camera.depth.min_code])
-    packed = camera.packed(origin)
+    packed, projection = camera.packed(origin), camera.projection
+    mirrored = isinstance(projection, Perspective) and projection.fx * projection.fy < 0
     kernels.emit_triangles(
         codes, flags, splits, states, wraps, parts, used, starts, coding, packed, *_directions(camera, packed),
-        points, uv, triangles,
+        2 if mirrored else 1, points, uv, triangles, remade, before.starts, before.points, before.uv, before.triangles,
     )  # fmt: skip
-    if isinstance(camera.projection, Perspective) and camera.projection.fx * camera.projection.fy < 0:
-        triangles = np.ascontiguousarray(triangles[:, [0, 2, 1]])  # a mirrored picture winds the other way
     return Mesh(points, uv, triangles, starts)
 
 
-def _splits(
-    camera: Camera, codes: npt.NDArray[np.uint16], flags: npt.NDArray[np.uint8], options: TriangulationOptions
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint8]]:
-    """Splits [rows, columns, WORDS] of the view's blocks and what is known of their pixels [rows, columns]."""
-    h, w, wraps, block = camera.height, camera.width, _wraps(camera), split_kernels.BLOCK
-    rows, columns = math.ceil((h - 1) / block), math.ceil((w - (not wraps)) / block)
-    splits = np.empty((rows, columns, split_kernels.WORDS), np.int64)
-    states = np.empty((rows, columns), np.uint8)
-    # Of twice the distances, which are whole; those of a code from any other are below 65535.
-    tolerance = math.floor(min(2 * max(options.tolerance / camera.depth.step, _ROUNDING_CODES), 65534))
-    largest = options.max_block if options.tolerance > 0 else 1
-    split_kernels.split_blocks(codes, flags, tolerance, largest, wraps, splits, states)
-    if largest > 1:
-        split_kernels.join_blocks(splits, w - (columns - 1) * block if wraps else 0)
-    return splits, states
+def _tiling(h: int, w: int) -> tuple[int, int]:
+    """Tiles of 64 x 64 pixels, as `kernels.cuts` takes them."""
+    return math.ceil(h / LANES), math.ceil(w / LANES)
 
 
 def _directions(

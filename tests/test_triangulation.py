@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.depth import DepthCoding
-from farside.engine.triangulation import TriangulationOptions, triangulate
+from farside.engine.kernels import changes
+from farside.engine.triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle.triangulation import Quads, barycentric, covered
@@ -286,3 +288,61 @@ def test_bad_options_are_named(field, value):
     good = {"tolerance": 0.1, "edge": 0.2, "max_block": 8}
     with pytest.raises(ValueError, match=f"^{field}: .*: expected "):
         TriangulationOptions(**good | {field: value})
+
+
+def changed_somewhere(rng, codes):
+    """The codes with some of them changed: a rectangle, a few pixels, or nothing."""
+    codes, (h, w) = codes.copy(), codes.shape
+    for _ in range(rng.integers(0, 3)):
+        y, x = rng.integers(0, h), rng.integers(0, w)
+        part = codes[y : y + rng.integers(1, 12), x : x + rng.integers(1, 12)]
+        part[:] = rng.integers(1, 65536) if rng.random() < 0.5 else np.maximum(part, 21) - rng.integers(0, 20)
+    return codes
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(
+    st.sampled_from([FLAT, PARTIAL, WRAPPING]),
+    st.sampled_from([(33, 34), (100, 70), (96, 65), (130, 40), (65, 161), (97, 129)]),
+    blocks,
+    st.sampled_from([0.0, 3.0, 60.0]),
+    st.booleans(),
+    st.integers(0, 2**32 - 1),
+)
+def test_a_sequence_is_triangulated_as_its_frames_are(kind, size, block, tolerance, extend, seed):
+    rng = np.random.default_rng(seed)
+    camera = make_camera(kind, *size, has_invalid=bool(seed % 2))
+    codes = make_codes(rng, *size, noise=seed % 3, steps=2, invalid=0.01 * (seed % 2), wraps=kind == WRAPPING)
+    triangulator = Triangulator()
+    chosen = options(camera, 600.0, tolerance, block, extend_edges=extend)
+    handed_out = []
+    for frame in range(5):
+        if frame == 3:  # the camera has moved
+            camera = dataclasses.replace(camera, pose=Pose.from_euler((0.0, 1.0, 0.5), 0.1, 0.0, 0.0))
+        mesh, flags = triangulator.triangulate(camera, codes, chosen, ORIGIN)
+        fresh = triangulate(camera, codes, chosen, origin=ORIGIN)
+        for name in ("points", "uv", "triangles", "starts"):
+            np.testing.assert_array_equal(getattr(mesh, name), getattr(fresh, name))
+        np.testing.assert_array_equal(flags, depth_cuts(camera, codes, chosen))
+        handed_out.append((mesh, fresh, flags, flags.copy()))
+        codes = changed_somewhere(rng, codes)
+    for mesh, fresh, flags, then in handed_out:  # nothing of them has changed since
+        np.testing.assert_array_equal(mesh.points, fresh.points)
+        np.testing.assert_array_equal(mesh.triangles, fresh.triangles)
+        np.testing.assert_array_equal(flags, then)
+
+
+def test_an_unchanged_frame_is_not_looked_at_again(monkeypatch):
+    camera = make_camera(WRAPPING, 128, 65, has_invalid=False)
+    codes = make_codes(np.random.default_rng(1), 128, 65, noise=1.0, steps=1, invalid=0.0, wraps=True)
+    triangulator, chosen = Triangulator(), options(camera, 600.0, 7.0)
+    triangulator.triangulate(camera, codes, chosen)
+    changed = []
+    remade = changes.remade_blocks
+    monkeypatch.setattr(changes, "remade_blocks", lambda *args: (remade(*args), changed.append(args[-1].copy())))
+    triangulator.triangulate(camera, codes, chosen)
+    codes[40, 3] += 1  # too far from the seam to count beyond it
+    codes[20, 80] += 1
+    triangulator.triangulate(camera, codes, chosen)
+    assert not changed[0].any()
+    assert changed[1].tolist() == [[0, 0, 1, 0], [1, 0, 0, 0]]

@@ -24,7 +24,7 @@ BROKEN = 4  # a cut or a change of the mask touches this pixel: never inside a m
 KEPT = 8
 VALID = 16
 
-_BAND = 64  # rows
+_BAND = LANES  # rows
 _RIGHT, _DOWN, _VALID, _KEPT = 0, 1, 2, 3  # words of a row
 
 
@@ -45,14 +45,16 @@ def _pad_row(row: U16, wraps: bool, padded: U16) -> None:
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _mark_row(
     rows: U16, y: int, h: int, w: int, keep: U8, has_keep: bool, has_invalid: bool, edge: int, odd: int,
-    wraps: bool, words: I64,
+    wraps: bool, near: U8, words: I64,
 ) -> None:  # fmt: skip
-    """Cuts, validity and mask of row y as words [4, n] of 64 pixels; `rows` is a ring of padded rows."""
+    """Cuts, validity and mask of row y as words [4, n] of 64 pixels, where `near`; `rows` is a ring of padded rows."""
     start, pitch = rows.ctypes.data + 2, 2 * rows.shape[1]
     above, here = start + (max(y - 1, 0) & 3) * pitch, start + (y & 3) * pitch
     below, below2 = start + (min(y + 1, h - 1) & 3) * pitch, start + (min(y + 2, h - 1) & 3) * pitch
     n = words.shape[1]
     for j in range(n):
+        if near[j] == 0:
+            continue
         at = 2 * LANES * j
         words[_RIGHT, j] = lanes.cuts(
             here + at - 2, here + at, here + at + 2, here + at + 4, edge, odd, has_invalid
@@ -84,12 +86,16 @@ def _behind(words: I64, j: int, last: int, beyond: int) -> int:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _write_flags(above: I64, here: I64, below: I64, has_keep: bool, wraps: bool, tail: U8, flags: U8) -> None:
-    """flags [w] of a row from the words of three; `tail` is room for 64 bytes."""
+def _write_flags(
+    above: I64, here: I64, below: I64, has_keep: bool, wraps: bool, wanted: U8, tail: U8, flags: U8
+) -> None:
+    """flags [w] of a row from the words of three, where `wanted`; `tail` is room for 64 bytes."""
     w = flags.shape[0]
     n = here.shape[1]
     right, kept, last = here[_RIGHT], here[_KEPT], w - 1 - LANES * (n - 1)
     for j in range(n):
+        if wanted[j] == 0:
+            continue
         seam = (right[n - 1] >> last) & 1 if wraps else 0
         broken = right[j] | _before(right, j, seam) | here[_DOWN, j] | above[_DOWN, j] | ~here[_VALID, j]
         if has_keep:
@@ -106,9 +112,11 @@ def _write_flags(above: I64, here: I64, below: I64, has_keep: bool, wraps: bool,
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def mark_broken(
-    codes: U16, keep: U8, has_keep: bool, has_invalid: bool, edge: float, wraps: bool, flags: U8
+    codes: U16, keep: U8, has_keep: bool, has_invalid: bool, edge: float, wraps: bool, wanted: U8, flags: U8
 ) -> None:
     """Fill flags [h, w]: cuts to the right and downwards, validity, mask and pixels that must stay single.
+
+    Only where wanted [ceil(h / 64), ceil(w / 64)] is not 0.
 
     A depth edge is a step of more than `edge` codes that is not explained by the slope on either side.
     """
@@ -118,6 +126,11 @@ def mark_broken(
     whole = min(math.floor(edge), 65535)
     odd = math.floor(edge + 0.5) - math.floor(edge)
     for band in numba.prange((h + _BAND - 1) // _BAND):
+        if not wanted[band].any():
+            continue
+        near = np.zeros(n, np.uint8)  # what flags depend on: neighbouring words
+        for j in range(n):
+            near[j] = wanted[band, j - 1] | wanted[band, j] | wanted[band, (j + 1) % n]
         first, end = int(np.int64(band)) * _BAND, min((int(np.int64(band)) + 1) * _BAND, h)
         rows = np.zeros((4, n * LANES + 4), np.uint16)  # a ring: the rows that one row's cuts depend on
         words = np.zeros((3, 4, n), np.int64)  # a ring, too: what a row's flags depend on
@@ -129,12 +142,13 @@ def mark_broken(
                 there += 1
             if has_keep:
                 mask[:w] = keep[y]
-            _mark_row(rows, y, h, w, mask, has_keep, has_invalid, whole, odd, wraps, words[y % 3])
+            _mark_row(rows, y, h, w, mask, has_keep, has_invalid, whole, odd, wraps, near, words[y % 3])
             if y == 0:  # beyond the picture nothing is cut, and the mask goes on
                 top[_KEPT] = words[0, _KEPT]
             if y > first:
                 above = words[(y - 2) % 3] if y > 1 else top
-                _write_flags(above, words[(y - 1) % 3], words[y % 3], has_keep, wraps, tail, flags[y - 1])
+                _write_flags(above, words[(y - 1) % 3], words[y % 3], has_keep, wraps, wanted[band], tail, flags[y - 1])
         if end == h:
             above = words[(h - 2) % 3] if h > 1 else top
-            _write_flags(above, words[(h - 1) % 3], words[(h - 1) % 3], has_keep, wraps, tail, flags[h - 1])
+            here = words[(h - 1) % 3]
+            _write_flags(above, here, here, has_keep, wraps, wanted[band], tail, flags[h - 1])

@@ -12,7 +12,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 __all__ = [
-    "LANES", "bits_of", "bytes_from", "codes_there", "cuts", "lowest", "mark", "move", "ones", "side_errors",
+    "LANES", "bits_of", "bytes_from", "codes_there", "cuts", "differ", "lowest", "mark", "move", "ones", "side_errors",
     "square_errors",
 ]  # fmt: skip
 
@@ -114,6 +114,17 @@ def codes_there(typingctx: Any, address: Any) -> Any:
         return _word(builder, builder.icmp_unsigned("!=", _load(builder, args[0]), _zero()))
 
     return _int(_int), generate
+
+
+@intrinsic
+def differ(typingctx: Any, a: Any, b: Any) -> Any:
+    """Which of 64 codes are not equal."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        a, b = (_load(builder, address) for address in args)
+        return _word(builder, builder.icmp_unsigned("!=", a, b))
+
+    return _int(_int, _int), generate
 
 
 @intrinsic

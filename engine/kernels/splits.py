@@ -47,6 +47,7 @@ _ROWS = 4 * SIDE + 16
 _PITCH_BYTES = 2 * _PITCH
 _INFINITE = 65535
 _COLUMNS = (1 << SIDE) - 1  # the bits of a block's vertices
+_INNER = (1 << BLOCK) - 2  # of a side without the block's corners
 
 # By s: the bits at odd and at even multiples of s.
 ODD = np.array([sum(1 << x for x in range(s, SIDE, max(2 * s, 1)) if s) for s in range(SIDE)], np.int64)
@@ -154,12 +155,13 @@ def _set_column(splits: I64, x: int, word: int) -> None:
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def split_blocks(
-    codes: U16, flags: U8, tolerance: int, largest: int, wraps: bool, splits: I64, states: U8
+    codes: U16, flags: U8, tolerance: int, largest: int, wraps: bool, changed: U8, splits: I64, states: U8
 ) -> None:
     """Fill splits [rows, columns, WORDS] and states [rows, columns] of blocks with what each by itself wants.
 
     tolerance: twice the largest distance of a code from its triangle, in codes, below 65535. largest: length of the
-    longest leg of a triangle; with 1 there are two triangles to each quad.
+    longest leg of a triangle; with 1 there are two triangles to each quad. Blocks that have not changed [rows, columns]
+    are left as they are.
     """
     w = codes.shape[1]
     limit = w if wraps else w - 1  # largest x of a vertex
@@ -168,11 +170,14 @@ def split_blocks(
         i = int(np.int64(row))
         scratch = np.zeros((_ROWS, _PITCH), np.uint16)
         for j in range(splits.shape[1]):
+            if changed[i, j] == 0:
+                continue
             states[i, j] = _load_block(codes, flags, j * BLOCK, i * BLOCK, limit, scratch)
             if states[i, j] == EMPTY:
                 splits[i, j] = 0
             elif largest == 1:
-                splits[i, j] = _COLUMNS
+                splits[i, j, :SIDE] = _COLUMNS
+                splits[i, j, _FIRST] = splits[i, j, _LAST] = _INNER
             else:
                 _split_block(scratch, tolerance, largest, (i + j) % 2, splits[i, j])
                 _note_columns(splits[i, j], last if j == splits.shape[1] - 1 else BLOCK)
@@ -199,14 +204,13 @@ def _split_parents(splits: I64) -> None:
 def _join_row(splits: I64, i: int, seam: int) -> bool:
     """Take over what the blocks beside those of a row have split on their common sides; whether that changed any."""
     rows, columns = splits.shape[0], splits.shape[1]
-    inner = (1 << BLOCK) - 2  # a side without the block's corners
     changed = False
     for j in range(columns):
         block, last = splits[i, j], seam if seam > 0 and j == columns - 1 else BLOCK
         before = j - 1 if j > 0 else (columns - 1 if seam > 0 else -1)
         behind = j + 1 if j < columns - 1 else (0 if seam > 0 else -1)
-        top = splits[i - 1, j, BLOCK] & inner & ~block[0] if i > 0 else 0
-        bottom = splits[i + 1, j, 0] & inner & ~block[BLOCK] if i + 1 < rows else 0
+        top = splits[i - 1, j, BLOCK] & _INNER & ~block[0] if i > 0 else 0
+        bottom = splits[i + 1, j, 0] & _INNER & ~block[BLOCK] if i + 1 < rows else 0
         left = splits[i, before, _LAST] & ~block[_FIRST] if before >= 0 else 0
         right = splits[i, behind, _FIRST] & ~block[_LAST] if behind >= 0 else 0
         if top | bottom | left | right:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from . import lanes
 from .cuts import BROKEN, CUT_DOWN, CUT_RIGHT, KEPT, VALID
-from .splits import BLOCK, EMPTY, EVEN, MIXED, ODD, SIDE
+from .splits import BLOCK, EMPTY, EVEN, MIXED, ODD, PLAIN, SIDE
 
 __all__ = ["BOTH", "BROKEN", "CUT_DOWN", "CUT_RIGHT", "RIMS", "SURFACE", "count_triangles", "emit_triangles"]
 
@@ -30,6 +30,27 @@ SURFACE, RIMS, BOTH = 0, 1, 2
 
 _RIGHT, _DOWN, _KEPT, _VALID = 0, 1, 2, 3  # words of a row of pixels
 _ALL = (1 << SIDE) - 1
+_CORNERS = 1 | 1 << BLOCK
+_INNER = _ALL & ~_CORNERS
+
+
+def _shapes() -> npt.NDArray[np.int64]:
+    """Corners a, b, c as offsets (x, y) of every shape of triangle, wound counter-clockwise on screen (v down).
+
+    First the four half quads, from their quad; then, for s from 1 on, the four quarters of a square of size 2s, from
+    its middle, and the four halves of one, likewise.
+    """
+    halves = np.array([(0, 0, 1, 1, 1, 0), (1, 1, 0, 0, 0, 1), (0, 1, 1, 0, 0, 0), (1, 0, 0, 1, 1, 1)])
+    quarters = np.array([(-1, -1, 0, 0, 1, -1), (1, 1, 0, 0, -1, 1), (-1, 1, 0, 0, -1, -1), (1, -1, 0, 0, 1, 1)])
+    sizes = [s * part for s in (1, 2, 4, 8, 16) for part in (quarters, 2 * halves - 1)]
+    return np.concatenate([halves, *sizes])
+
+
+SHAPES = _shapes()
+_LEVELS, _A_LEVEL = 6, 8  # of half quads and of s = 1 to 16; shapes of each of the latter
+_LISTED = 8 * (BLOCK - 1) + 4 * BLOCK + 1  # longest list, and a place to spare
+# By s: the middles of squares of size 2s in even columns.
+FALLING = ODD[np.minimum(2 * np.arange(SIDE), BLOCK)] >> np.arange(SIDE)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -59,111 +80,113 @@ def _read_flags(flags: U8, x0: int, y0: int, wraps: bool, state: int, bits: I64)
 
 
 @numba.njit(inline="always", cache=True)
+def _note(word: int, y: int, shape: int, words: I64, rows: I32, shapes: I32, count: int) -> int:
+    """Add a word to a list if it has bits; returns the list's length."""
+    words[count], rows[count], shapes[count] = word, y, shape
+    return count + (word != 0)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _list_triangles(
+    splits: I64, bits: I64, parity: int, columns: int, rows: int, whole: bool, words: I64, ys: I32, shapes: I32
+) -> int:
+    """List a block's triangles as words of the places, in a row, of triangles of one shape; returns their number.
+
+    columns and rows: of the block's vertices that lie in the picture. With `whole` there are no half quads in quads
+    that a depth edge crosses anywhere.
+    """
+    inside, n = (1 << columns) - 1, 0
+    for level in range(1, _LEVELS):
+        s = 1 << level - 1
+        first = 4 + _A_LEVEL * (level - 1)
+        for y in range(s, min(BLOCK, rows), 2 * s):
+            here = ODD[s] & bits[_KEPT, y]
+            split, single = here & splits[y] & inside, here & ~splits[y]
+            if split != 0:  # round it, triangles with a side of the square
+                for k, other in enumerate((splits[y - s], splits[y + s], splits[y] << s, splits[y] >> s)):
+                    n = _note(split & ~other, y, first + k, words, ys, shapes, n)
+            # Halves of squares: the vertex at their right angle is split, or they are the block's own.
+            root = 2 * s == BLOCK
+            above, below = (-1, -1) if root else (splits[y - s], splits[y + s])
+            if single != 0 and (above | below) != 0:
+                falls = (y // (2 * s) + (parity if root else 0)) % 2 == 0
+                falling = single & (FALLING[s] if falls else ~FALLING[s])
+                rising = single & ~falling
+                for k, half in enumerate(
+                    (falling & (above >> s), falling & (below << s), rising & (above << s), rising & (below >> s))
+                ):
+                    n = _note(half, y, first + 4 + k, words, ys, shapes, n)
+    quads = (1 << (columns - 1)) - 1
+    for y in range(rows - 1):
+        over, under = splits[y], splits[y + 1]
+        if (over | under) == 0:
+            continue
+        falling = EVEN[1] if y % 2 == 0 else ODD[1]  # diagonals join pixels with even x + y
+        top, bottom, left, right = bits[_RIGHT, y], bits[_RIGHT, y + 1], bits[_DOWN, y], bits[_DOWN, y] >> 1
+        if whole:
+            top = bottom = left = right = top | bottom | left | right
+        a, b, c, d = bits[_KEPT, y], bits[_KEPT, y] >> 1, bits[_KEPT, y + 1], bits[_KEPT, y + 1] >> 1
+        for k, half in enumerate((
+            falling & (over >> 1) & ~(top | right) & (a | b | d), falling & under & ~(bottom | left) & (a | c | d),
+            ~falling & over & ~(top | left) & (a | b | c), ~falling & (under >> 1) & ~(bottom | right) & (b | c | d),
+        )):  # fmt: skip
+            n = _note(half & quads, y, k, words, ys, shapes, n)
+    return n
+
+
+@numba.njit(inline="always", cache=True)
 def _moved(word: int, columns: int) -> int:
     """A word's bits so many columns to the right."""
     return word << columns if columns >= 0 else word >> -columns
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _put(
-    word: int, y: int, ax: int, ay: int, bx: int, by: int, cx: int, cy: int,
-    used: I64, numbers: I32, triangles: I32, at: int,
-) -> int:  # fmt: skip
-    """Triangles a, b, c at offsets from the bits of a word in row y, from number `at` on; returns the next number.
-
-    With no room for triangles their vertices are marked as used instead.
-    """
-    if triangles.shape[0] == 0:
-        used[y + ay] |= _moved(word, ax)
-        used[y + by] |= _moved(word, bx)
-        used[y + cy] |= _moved(word, cx)
-        return at + lanes.ones(word)
-    row_a, row_b, row_c = used[y + ay], used[y + by], used[y + cy]
-    first_a, first_b, first_c = numbers[y + ay], numbers[y + by], numbers[y + cy]
-    while word != 0:
-        x = lanes.lowest(word)
-        word &= word - 1
-        triangles[at, 0] = first_a + lanes.ones(row_a & ((1 << (x + ax)) - 1))
-        triangles[at, 1] = first_b + lanes.ones(row_b & ((1 << (x + bx)) - 1))
-        triangles[at, 2] = first_c + lanes.ones(row_c & ((1 << (x + cx)) - 1))
-        at += 1
-    return at
+def _count_listed(words: I64, ys: I32, shapes: I32, n: int, used: I64) -> tuple[int, int]:
+    """How many vertices and triangles there are in a list; used [33]: words of these vertices."""
+    used[:] = 0
+    vertices, triangles = 0, 0
+    for k in range(n):
+        word, y, shape = words[k], ys[k], SHAPES[shapes[k]]
+        triangles += lanes.ones(word)
+        used[y + shape[1]] |= _moved(word, shape[0])
+        used[y + shape[3]] |= _moved(word, shape[2])
+        used[y + shape[5]] |= _moved(word, shape[4])
+    for y in range(SIDE):
+        vertices += lanes.ones(used[y])
+    return vertices, triangles
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _put_merged(
-    splits: I64, kept: I64, s: int, parity: int, columns: int, rows: int,
-    used: I64, numbers: I32, triangles: I32, at: int,
-) -> int:  # fmt: skip
-    """Triangles with the middle of their longest side on a side or in the middle of a square of size 2s.
-
-    columns and rows: of the block's vertices that lie in the picture. Wound counter-clockwise on screen (v down).
-    """
-    inside = (1 << columns) - 1
-    n, root = -s, 2 * s == BLOCK
-    for y in range(s, min(BLOCK, rows), 2 * s):
-        here = splits[y] & ODD[s] & inside & kept[y]
-        if here != 0:  # a square in four: those with whole sides
-            for word, ax, ay, bx, by in (
-                (here & ~splits[y - s], n, n, s, n), (here & ~splits[y + s], s, s, n, s),
-                (here & ~(splits[y] << s), n, s, n, n), (here & ~(splits[y] >> s), s, n, s, s),
-            ):  # fmt: skip
-                if word != 0:
-                    at = _put(word, y, ax, ay, 0, 0, bx, by, used, numbers, triangles, at)
-        here = ~splits[y] & ODD[s] & kept[y]
-        if here == 0:
-            continue
-        falling = ODD[2 * s] >> s
-        if (y // (2 * s) + (parity if root else 0)) % 2 == 1:
-            falling = ~falling
-        # A square in two: the halves whose right angle's vertex is split, or that are the block's own.
-        above, below = (-1, -1) if root else (splits[y - s], splits[y + s])
-        for word, ax, ay, cx, cy in (
-            (here & falling & (above >> s), n, n, s, n), (here & falling & (below << s), s, s, n, s),
-            (here & ~falling & (above << s), n, s, n, n), (here & ~falling & (below >> s), s, n, s, s),
-        ):  # fmt: skip
-            if word != 0:
-                at = _put(word, y, ax, ay, -ax, -ay, cx, cy, used, numbers, triangles, at)
-    return at
+def _count_plain(splits: I64, used: I64) -> tuple[int, int]:
+    """As `_count_listed`, of a block that lies in the picture and has no depth edges: every split adds a triangle on
+    either side."""
+    vertices, triangles = 4, 2
+    for y in range(SIDE):
+        split = splits[y] & (_INNER if y % BLOCK == 0 else _ALL)
+        used[y] = split | (_CORNERS if y % BLOCK == 0 else 0)
+        vertices += lanes.ones(split)
+        triangles += lanes.ones(split & _INNER) + (lanes.ones(split) if y % BLOCK != 0 else 0)
+    return vertices, triangles
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _put_half_quads(
-    splits: I64, bits: I64, columns: int, rows: int, whole: bool, used: I64, numbers: I32, triangles: I32, at: int
+def _write_listed(
+    words: I64, ys: I32, shapes: I32, n: int, used: I64, numbers: I32, second: int, triangles: I32, at: int
 ) -> int:
-    """The smallest triangles; with `whole`, none in quads that a depth edge crosses anywhere."""
-    quads = (1 << (columns - 1)) - 1
-    for y in range(rows - 1):
-        if (splits[y] | splits[y + 1]) == 0:
-            continue
-        falling = EVEN[1] if y % 2 == 0 else ODD[1]  # diagonals join pixels with even x + y
-        top, bottom = bits[_RIGHT, y], bits[_RIGHT, y + 1]
-        left, right = bits[_DOWN, y], bits[_DOWN, y] >> 1
-        if whole:
-            top = bottom = left = right = top | bottom | left | right
-        a, b, c, d = bits[_KEPT, y], bits[_KEPT, y] >> 1, bits[_KEPT, y + 1], bits[_KEPT, y + 1] >> 1
-        for word, ax, ay, cx, cy in (
-            (falling & (splits[y] >> 1) & ~(top | right) & (a | b | d), 0, 0, 1, 0),
-            (falling & splits[y + 1] & ~(bottom | left) & (a | c | d), 1, 1, 0, 1),
-            (~falling & splits[y] & ~(top | left) & (a | b | c), 0, 1, 0, 0),
-            (~falling & (splits[y + 1] >> 1) & ~(bottom | right) & (b | c | d), 1, 0, 1, 1),
-        ):
-            if word & quads:
-                at = _put(word & quads, y, ax, ay, 1 - ax, 1 - ay, cx, cy, used, numbers, triangles, at)
+    """Write a list's triangles from number `at` on, and return the next; numbers [33]: of each row's first vertex."""
+    for k in range(n):
+        shape, y, word = SHAPES[shapes[k]], ys[k], words[k]
+        ax, bx, cx = shape[0], shape[2], shape[4]
+        row_a, row_b, row_c = used[y + shape[1]], used[y + shape[3]], used[y + shape[5]]
+        first_a, first_b, first_c = numbers[y + shape[1]], numbers[y + shape[3]], numbers[y + shape[5]]
+        while word != 0:
+            x = lanes.lowest(word)
+            word &= word - 1
+            triangles[at, 0] = first_a + lanes.ones(row_a & ((1 << (x + ax)) - 1))
+            triangles[at, second] = first_b + lanes.ones(row_b & ((1 << (x + bx)) - 1))
+            triangles[at, 3 - second] = first_c + lanes.ones(row_c & ((1 << (x + cx)) - 1))
+            at += 1
     return at
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _put_surface(
-    splits: I64, bits: I64, parity: int, columns: int, rows: int, whole: bool,
-    used: I64, numbers: I32, triangles: I32, at: int,
-) -> int:  # fmt: skip
-    """All triangles of a block's surface; see `_put`."""
-    s = BLOCK // 2
-    while s > 0:
-        at = _put_merged(splits, bits[_KEPT], s, parity, columns, rows, used, numbers, triangles, at)
-        s //= 2
-    return _put_half_quads(splits, bits, columns, rows, whole, used, numbers, triangles, at)
 
 
 @numba.njit(inline="always", cache=True)
@@ -193,31 +216,33 @@ def _count_rims(bits: I64, columns: int, rows: int) -> int:
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def count_triangles(
-    flags: U8, splits: I64, states: U8, wraps: bool, parts: int, used: I64, counts: I64
+    flags: U8, splits: I64, states: U8, wraps: bool, parts: int, remade: U8, used: I64, counts: I64
 ) -> None:
     """Fill counts [blocks, 2], vertices and triangles of every block, and used [rows, columns, 33], words of the grid
-    vertices that its surface's triangles have; `parts` as listed above."""
+    vertices that its surface's triangles have; `parts` as listed above. Blocks that are not remade stay."""
     h, w = flags.shape
     block_columns = splits.shape[1]
     limit = w if wraps else w - 1
-    nowhere, nothing = np.empty(0, np.int32), np.empty((0, 3), np.int32)
     for row in numba.prange(splits.shape[0]):
         i = int(np.int64(row))
-        bits = np.empty((4, SIDE), np.int64)
+        bits, words = np.empty((4, SIDE), np.int64), np.empty(_LISTED, np.int64)
+        ys, shapes = np.empty(_LISTED, np.int32), np.empty(_LISTED, np.int32)
         for j in range(block_columns):
             x0, y0, b = j * BLOCK, i * BLOCK, i * block_columns + j
+            if remade[i, j] == 0:
+                continue
             counts[b, 0], counts[b, 1] = 0, 0
-            used[i, j] = 0
             if states[i, j] == EMPTY:
                 continue
             _read_flags(flags, x0, y0, wraps, states[i, j], bits)
             columns, rows = min(SIDE, limit + 1 - x0), min(SIDE, h - y0)
-            if parts != RIMS:
-                counts[b, 1] = _put_surface(
-                    splits[i, j], bits, (i + j) % 2, columns, rows, parts == BOTH, used[i, j], nowhere, nothing, 0
+            if parts != RIMS and states[i, j] == PLAIN:
+                counts[b, 0], counts[b, 1] = _count_plain(splits[i, j], used[i, j])
+            elif parts != RIMS:
+                n = _list_triangles(
+                    splits[i, j], bits, (i + j) % 2, columns, rows, parts == BOTH, words, ys, shapes
                 )
-                for y in range(SIDE):
-                    counts[b, 0] += lanes.ones(used[i, j, y])
+                counts[b, 0], counts[b, 1] = _count_listed(words, ys, shapes, n, used[i, j])
             if parts != SURFACE and states[i, j] == MIXED:
                 quarters = _count_rims(bits, columns, rows)
                 counts[b, 0] += 4 * quarters
@@ -225,43 +250,64 @@ def count_triangles(
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _write_point(
-    camera: F64, across: F64, down: F64, twice_u: int, twice_v: int, depth: float, points: F32, uv: F32, at: int
-) -> None:
-    """A vertex at a place of the picture in half pixels from the first pixel's centre."""
-    x, y = down[twice_v, 0] * across[twice_u, 0] * depth, down[twice_v, 0] * across[twice_u, 1] * depth
-    z = down[twice_v, 1] * depth
-    points[at, 0] = camera[7] * x + camera[8] * y + camera[9] * z + camera[16]
-    points[at, 1] = camera[10] * x + camera[11] * y + camera[12] * z + camera[17]
-    points[at, 2] = camera[13] * x + camera[14] * y + camera[15] * z + camera[18]
-    uv[at, 0], uv[at, 1] = 0.5 * twice_u + 0.5, 0.5 * twice_v + 0.5
+def _turned(camera: F64, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A direction in the camera's axes in the world's."""
+    return (
+        camera[7] * x + camera[8] * y + camera[9] * z,
+        camera[10] * x + camera[11] * y + camera[12] * z,
+        camera[13] * x + camera[14] * y + camera[15] * z,
+    )
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _write_used(
     codes: U16, x0: int, y0: int, used: I64, coding: F64, camera: F64, across: F64, down: F64,
     points: F32, uv: F32, numbers: I32, at: int,
 ) -> int:  # fmt: skip
     """The block's grid vertices; numbers [33]: of each row's first one."""
-    w = codes.shape[1]
-    least = int(coding[2])
+    w, (offset, step, least) = codes.shape[1], (coding[0], coding[1], int(coding[2]))
+    ox, oy, oz = camera[16], camera[17], camera[18]
     for y in range(SIDE):
         numbers[y] = at
         word = used[y]
+        if word == 0:
+            continue
+        v = y0 + y
+        planar, rise = down[2 * v, 0], down[2 * v, 1]
+        ax, ay, az = _turned(camera, planar, 0.0, 0.0)
+        bx, by, bz = _turned(camera, 0.0, planar, 0.0)
+        cx, cy, cz = _turned(camera, 0.0, 0.0, rise)
         while word != 0:
             x = x0 + lanes.lowest(word)
             word &= word - 1
-            code = max(int(codes[y0 + y, x if x < w else x - w]), least)
-            depth = 1.0 / (coding[0] + coding[1] * code)
-            _write_point(camera, across, down, 2 * x, 2 * (y0 + y), depth, points, uv, at)
+            a, b = across[2 * x, 0], across[2 * x, 1]
+            code = max(int(codes[v, x if x < w else x - w]), least)
+            depth = 1.0 / (offset + step * code)
+            points[at, 0] = ox + depth * (a * ax + b * bx + cx)
+            points[at, 1] = oy + depth * (a * ay + b * by + cy)
+            points[at, 2] = oz + depth * (a * az + b * bz + cz)
+            uv[at, 0], uv[at, 1] = x + 0.5, v + 0.5
             at += 1
     return at
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _write_point(
+    camera: F64, across: F64, down: F64, twice_u: int, twice_v: int, depth: float, points: F32, uv: F32, at: int
+) -> None:
+    """A vertex at a place of the picture in half pixels from the first pixel's centre."""
+    planar = down[twice_v, 0] * depth
+    x, y, z = _turned(
+        camera, planar * across[twice_u, 0], planar * across[twice_u, 1], down[twice_v, 1] * depth
+    )
+    points[at, 0], points[at, 1], points[at, 2] = x + camera[16], y + camera[17], z + camera[18]
+    uv[at, 0], uv[at, 1] = 0.5 * twice_u + 0.5, 0.5 * twice_v + 0.5
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _write_rims(
     codes: U16, x0: int, y0: int, bits: I64, columns: int, rows: int, coding: F64, camera: F64,
-    across: F64, down: F64, points: F32, uv: F32, triangles: I32, v: int, t: int,
+    across: F64, down: F64, second: int, points: F32, uv: F32, triangles: I32, v: int, t: int,
 ) -> None:  # fmt: skip
     """In quads that a depth edge crosses every valid corner keeps its quarter, and so a pixel its square.
 
@@ -291,43 +337,70 @@ def _write_rims(
                     _write_point(
                         camera, across, down, 2 * px + sx * right, 2 * py + sy * lower, depth, points, uv, v + corner
                     )
-                flip = sx * sy > 0
-                triangles[t, 0], triangles[t, 1], triangles[t, 2] = v, v + (2 if flip else 1), v + 3
-                triangles[t + 1, 0], triangles[t + 1, 1], triangles[t + 1, 2] = v, v + 3, v + (1 if flip else 2)
+                k, m = (second, 3 - second) if sx * sy < 0 else (3 - second, second)
+                triangles[t, 0], triangles[t, k], triangles[t, m] = v, v + 1, v + 3
+                triangles[t + 1, 0], triangles[t + 1, k], triangles[t + 1, m] = v, v + 3, v + 2
                 v += 4
                 t += 2
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _copy_block(
+    old: I64, old_points: F32, old_uv: F32, old_triangles: I32, start: I64, end: I64,
+    points: F32, uv: F32, triangles: I32,
+) -> None:  # fmt: skip
+    """Copy a block's vertices and triangles, which have other numbers now."""
+    moved = np.int32(start[0] - old[0])
+    for k in range(end[0] - start[0]):
+        for axis in range(3):
+            points[start[0] + k, axis] = old_points[old[0] + k, axis]
+        for axis in range(2):
+            uv[start[0] + k, axis] = old_uv[old[0] + k, axis]
+    for k in range(end[1] - start[1]):
+        for corner in range(3):
+            triangles[start[1] + k, corner] = old_triangles[old[1] + k, corner] + moved
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def emit_triangles(
     codes: U16, flags: U8, splits: I64, states: U8, wraps: bool, parts: int, used: I64, starts: I64,
-    coding: F64, camera: F64, across: F64, down: F64, points: F32, uv: F32, triangles: I32,
+    coding: F64, camera: F64, across: F64, down: F64, second: int, points: F32, uv: F32, triangles: I32,
+    remade: U8, old_starts: I64, old_points: F32, old_uv: F32, old_triangles: I32,
 ) -> None:  # fmt: skip
     """Fill points [n, 3] relative to the scene origin, uv [n, 2] and triangles [m, 3] of what was counted.
 
     coding: disparity of code 0 and of a step, and the least code. across [2 w + 1, 2] and down [2 h - 1, 2] tell the
     direction of places half a pixel apart, from the first pixel's centre, in the camera's axes: it is
-    (down[., 0] * across[., 0], down[., 0] * across[., 1], down[., 1]).
+    (down[., 0] * across[., 0], down[., 0] * across[., 1], down[., 1]). second: 1, or 2 to wind triangles the other way.
+    Blocks that are not remade [rows, columns] are copied from an older mesh.
     """
     h, w = flags.shape
     block_columns = splits.shape[1]
     limit = w if wraps else w - 1
     for row in numba.prange(splits.shape[0]):
         i = int(np.int64(row))
-        bits, numbers = np.empty((4, SIDE), np.int64), np.empty(SIDE, np.int32)
+        bits, words, numbers = np.empty((4, SIDE), np.int64), np.empty(_LISTED, np.int64), np.empty(SIDE, np.int32)
+        ys, shapes = np.empty(_LISTED, np.int32), np.empty(_LISTED, np.int32)
         for j in range(block_columns):
             x0, y0, b = j * BLOCK, i * BLOCK, i * block_columns + j
             v, t = starts[b, 0], starts[b, 1]
             if starts[b + 1, 1] == t:
                 continue
+            if remade[i, j] == 0:
+                _copy_block(
+                    old_starts[b], old_points, old_uv, old_triangles, starts[b], starts[b + 1], points, uv, triangles
+                )
+                continue
             _read_flags(flags, x0, y0, wraps, states[i, j], bits)
             columns, rows = min(SIDE, limit + 1 - x0), min(SIDE, h - y0)
             if parts != RIMS:
-                v = _write_used(codes, x0, y0, used[i, j], coding, camera, across, down, points, uv, numbers, v)
-                t = _put_surface(
-                    splits[i, j], bits, (i + j) % 2, columns, rows, parts == BOTH, used[i, j], numbers, triangles, t
+                n = _list_triangles(
+                    splits[i, j], bits, (i + j) % 2, columns, rows, parts == BOTH, words, ys, shapes
                 )
+                v = _write_used(codes, x0, y0, used[i, j], coding, camera, across, down, points, uv, numbers, v)
+                t = _write_listed(words, ys, shapes, n, used[i, j], numbers, second, triangles, t)
             if parts != SURFACE and states[i, j] == MIXED:
                 _write_rims(
-                    codes, x0, y0, bits, columns, rows, coding, camera, across, down, points, uv, triangles, v, t
+                    codes, x0, y0, bits, columns, rows, coding, camera, across, down, second, points, uv, triangles,
+                    v, t,
                 )
