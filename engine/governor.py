@@ -31,12 +31,13 @@ class Rung:
 # Names, costs, presets and what is changed of them: points of the front that `farside bench --trade` prints, cheapest
 # first, with the costs that it has measured.
 LADDER: tuple[tuple[str, float, str, Mapping[str, object]], ...] = (
-    ("fast, half size", 0.15, "fast", {"output_scale": 0.5, "n_render": 3}),
-    ("fast, 0.7 of the size", 0.27, "fast", {"output_scale": 0.7, "n_render": 3}),
-    ("fast", 0.50, "fast", {}),
-    ("balanced, three views", 0.70, "balanced", {"n_render": 3}),
+    ("fast, half size", 0.20, "fast", {"output_scale": 0.5, "n_render": 3}),
+    ("fast, 0.7 of the size", 0.26, "fast", {"output_scale": 0.7, "n_render": 3}),
+    ("fast", 0.42, "fast", {}),
+    ("balanced, two views", 0.66, "balanced", {"n_render": 2}),
+    ("balanced, three views", 0.85, "balanced", {"n_render": 3}),
     ("balanced", 1.00, "balanced", {}),
-    ("best", 1.90, "best", {}),
+    ("best", 1.94, "best", {}),
 )
 
 

@@ -292,7 +292,7 @@ class _Sweep:
 
     def _render(self, settings: Settings) -> list[RenderedPicture]:
         engine = self._back_ends[_key(settings)].engine
-        engine.retune(settings)
+        engine.retune(dataclasses.replace(settings, settles=False))  # holes would keep another variant's colours
         pictures: list[RenderedPicture] = []
         for name, viewer in self._viewers.items():
             if isinstance(viewer, StereoView):
