@@ -235,8 +235,8 @@ class _BackEnd:
 
 
 def _key(settings: Settings) -> Settings:
-    """What variants must share to share an engine: all that a frame's update reads, the pictures' size too."""
-    plain = {name: getattr(Settings(), name) for name in PER_PICTURE if name != "output_scale"}
+    """What variants must share to share an engine: all that a frame's update reads, size and views of pictures too."""
+    plain = {name: getattr(Settings(), name) for name in PER_PICTURE if name not in ("output_scale", "n_render")}
     return dataclasses.replace(settings, **plain)
 
 
