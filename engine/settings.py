@@ -36,7 +36,7 @@ class Settings:
     tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles a pixel
     edge_px: float = 4.0  # disparity step between neighbours that is a depth edge, reprojected pixels
     completion: bool = True  # pixels without depth get one (30 ms of one core a megapixel); others cost nothing
-    overdraw: bool = True  # draw views and backdrop everywhere, not only where the views before left holes
+    overdraw: bool = True  # draw views and backdrop wherever they may win, not only where the views before left holes
     rims: bool = True  # pixels at depth edges keep their full square where no view has a surface
     baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
     max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two up to 32

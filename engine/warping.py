@@ -50,6 +50,7 @@ class Canvas:
         self._backdrop = np.zeros(shape, np.float32)
         self._nobody = np.zeros(shape, np.uint8)
         self._tiles = np.zeros(_tiling(height, width), np.uint8)
+        self._open_tiles = np.zeros(_tiling(height, width), np.uint8)
         self._marks: npt.NDArray[np.uint8] | None = None  # pixels of a picture of half the size that are meant
         self._marked_tiles = _EVERYWHERE
         self.planes = (np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32))
@@ -98,12 +99,20 @@ class Canvas:
     ) -> int:  # fmt: skip
         """Draw a view's mesh as view `number`; it wins a pixel where it is nearer by `margin` (disparity).
 
-        With `tiles` only triangles that touch a marked one are drawn. Returns the number of triangles drawn.
+        With `tiles` only triangles that touch a marked one are drawn; without, of a view after the first, those that
+        may win a pixel. Returns the number of triangles drawn.
         """
+        open_tiles = _EVERYWHERE
+        if number > 0 and tiles is None:
+            open_tiles = self._open_tiles
+            if number == 1:  # what a later view changes lies in tiles that are open now
+                rasterise.mark_open_tiles(self.disparity, margin, open_tiles)
         tiles = self._marked_tiles if tiles is None else tiles
         if tiles.size and not tiles.any():
             return 0
-        return self._rasterise(mesh, target, number, near, margin, 0.0, self.disparity, self.winner, tiles)
+        return self._rasterise(
+            mesh, target, number, near, margin, 0.0, self.disparity, self.winner, tiles, open_tiles
+        )
 
     def draw_holes(self, part: Part, views: Sequence[PreparedView], target: Target, near: float) -> int:
         """Draw a part of the views into what is still empty; returns the number of triangles drawn."""
@@ -142,6 +151,7 @@ class Canvas:
     def _rasterise(
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float, push: float,
         disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8], tiles: npt.NDArray[np.uint8],
+        open_tiles: npt.NDArray[np.uint8] = _EVERYWHERE,
     ) -> int:  # fmt: skip
         camera, starts = target.packed, mesh.starts
         visible = np.empty(len(starts) - 1, np.int64)
@@ -159,8 +169,8 @@ class Canvas:
         most = int(np.diff(sums[shares]).max())
         lists = self._room("_lists", self._counts.size * most).reshape(*self._counts.shape, most)
         kernels.sort(
-            screen, mesh.triangles, starts, visible, shares, camera, near, self._band_rows, tiles,
-            self._counts, lists, drawn,
+            screen, mesh.triangles, starts, visible, shares, camera, near, self._band_rows, tiles, open_tiles,
+            disparity, margin, self._counts, lists, drawn,
         )  # fmt: skip
         kernels.draw(
             screen, mesh.triangles, camera, target.columns, target.rows, near, self._band_rows,

@@ -24,6 +24,7 @@ __all__ = [
     "draw_bands",
     "draw_bands_serially",
     "mark_hole_tiles",
+    "mark_open_tiles",
     "sort_into_bands",
     "sort_into_bands_serially",
     "transform_points",
@@ -40,6 +41,8 @@ U8 = npt.NDArray[np.uint8]
 # Pixels by which a triangle's sides are moved outwards: rounding opens no cracks between neighbours.
 _SIDE_PX = 1e-3
 TILE = 8  # pixels
+# A triangle no larger than this hides nothing between its corners that they do not tell of.
+_SMALL_PX = 3.0
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -233,16 +236,77 @@ def _touches_hole(screen: F32, a: int, b: int, c: int, tiles: U8, first: int, la
     return False
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mark_open_row(above: F32, row: F32, below: F32, step: float, found: U8) -> None:
+    """found [w]: set where nothing was drawn, or drawn disparities bend by more than `step`. Free of branches."""
+    w = row.shape[0]
+    left, right = row[: w - 2], row[2:]
+    for x in range(w):
+        bend = abs(above[x] - row[x] - row[x] + below[x])
+        found[x] |= np.uint8(1) if (row[x] <= np.float32(0.0)) | (bend > step) else np.uint8(0)
+    for x in range(w - 2):
+        bend = abs(left[x] - row[x + 1] - row[x + 1] + right[x])
+        found[x + 1] |= np.uint8(1) if bend > step else np.uint8(0)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def mark_open_tiles(disparity: F32, step: float, tiles: U8) -> None:
+    """tiles [ceil(h / TILE), ceil(w / TILE)]: 1 where a tile has a pixel that nothing was drawn to, or a silhouette.
+
+    There a triangle may show between surfaces though its corners lie behind them.
+    """
+    h, w = disparity.shape
+    least = np.float32(step)
+    for row in numba.prange(tiles.shape[0]):
+        j = int(np.int64(row))
+        found = np.zeros(w, np.uint8)
+        for y in range(TILE * j, min(TILE * (j + 1), h)):
+            _mark_open_row(disparity[max(y - 1, 0)], disparity[y], disparity[min(y + 1, h - 1)], least, found)
+        for i in range(tiles.shape[1]):
+            some = np.uint8(0)
+            for x in range(TILE * i, min(TILE * (i + 1), w)):
+                some |= found[x]
+            tiles[j, i] = some
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _corner_may_win(screen: F32, a: int, disparity: F32, margin: float) -> bool:
+    """Whether a corner is nearer than what was drawn to the pixel that it lies in."""
+    h, w = disparity.shape
+    x, y = int(screen[a, 0]), int(screen[a, 1])
+    if x < 0 or y < 0 or x >= w or y >= h:
+        return True
+    drawn = disparity[y, x]
+    return drawn <= 0.0 or screen[a, 2] > drawn + margin
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _may_win(screen: F32, a: int, b: int, c: int, open_tiles: U8, disparity: F32, margin: float) -> bool:
+    """Whether a triangle may win a pixel: by a corner or, unless it is small, where something is open."""
+    if (
+        _corner_may_win(screen, a, disparity, margin)
+        or _corner_may_win(screen, b, disparity, margin)
+        or _corner_may_win(screen, c, disparity, margin)
+    ):
+        return True
+    left, right = min(screen[a, 0], min(screen[b, 0], screen[c, 0])), max(screen[a, 0], max(screen[b, 0], screen[c, 0]))
+    top, bottom = min(screen[a, 1], min(screen[b, 1], screen[c, 1])), max(screen[a, 1], max(screen[b, 1], screen[c, 1]))
+    if max(right - left, bottom - top) <= _SMALL_PX:
+        return False
+    return _touches_hole(screen, a, b, c, open_tiles, max(int(top), 0), min(int(bottom), disparity.shape[0] - 1))
+
+
 def _sort_into_bands(
     screen: F32, triangles: I32, starts: I64, visible: I64, shares: I64, camera: F64, near: float, band_rows: int,
-    tiles: U8, counts: I64, lists: I32, drawn: I64,
+    tiles: U8, open_tiles: U8, disparity: F32, margin: float, counts: I64, lists: I32, drawn: I64,
 ) -> None:  # fmt: skip
     """Sort visible blocks' triangles into bands; counts [chunks, bands], lists [chunks, bands, capacity].
 
     Chunk c takes the visible blocks shares[c] to shares[c + 1] - 1 and counts its triangles in drawn[c].
 
     Culled are triangles outside the picture, behind the eye or seen from behind and, for a perspective target and
-    unless `tiles` is empty, those that touch no marked tile. A triangle over several bands stands in each.
+    unless `tiles` is empty, those that touch no marked tile; and unless `open_tiles` (see `mark_open_tiles`) is, those
+    that cannot win by `margin` over the disparity [h, w] drawn so far. A triangle over several bands stands in each.
     """
     chunks, bands = counts.shape[0], counts.shape[1]
     width, height = int(camera[1]), int(camera[2])
@@ -264,6 +328,8 @@ def _sort_into_bands(
                     continue
                 before = perspective and min(screen[a, 3], min(screen[b, 3], screen[c, 3])) >= near
                 if tiles.size > 0 and before and not _touches_hole(screen, a, b, c, tiles, first, last):
+                    continue
+                if open_tiles.size > 0 and before and not _may_win(screen, a, b, c, open_tiles, disparity, margin):
                     continue
                 drawn[chunk] += 1
                 for band in range(first // band_rows, last // band_rows + 1):
