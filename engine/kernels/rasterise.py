@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import PERSPECTIVE
+from .strips import LANES, draw_strip
 
 __all__ = [
     "TILE",
@@ -210,17 +211,32 @@ def _rows_spherical(screen: F32, a: int, b: int, c: int, camera: F64) -> tuple[i
     return max(0, int(first)), min(height - 1, int(last))
 
 
+@numba.njit(cache=True, nogil=True)
+def _by_tile(found: U8, tiles: U8) -> None:
+    """tiles [ceil(w / TILE)]: whether anything was found in a tile's columns of found [w]."""
+    for i in range(tiles.shape[0]):
+        some = np.uint8(0)
+        for x in range(TILE * i, min(TILE * (i + 1), found.shape[0])):
+            some |= found[x]
+        tiles[i] = some
+
+
+@numba.njit(cache=True, nogil=True)
+def _mark_holes(row: F32, found: U8) -> None:
+    for x in range(row.shape[0]):
+        found[x] |= np.uint8(1) if row[x] <= np.float32(0.0) else np.uint8(0)
+
+
 @numba.njit(cache=True, parallel=True, nogil=True)
 def mark_hole_tiles(disparity: F32, tiles: U8) -> None:
     """tiles [ceil(h / TILE), ceil(w / TILE)]: 1 where a tile has a pixel that nothing was drawn to."""
     h, w = disparity.shape
-    for j in numba.prange(tiles.shape[0]):
-        for i in range(tiles.shape[1]):
-            tiles[j, i] = 0
+    for row in numba.prange(tiles.shape[0]):
+        j = int(np.int64(row))
+        found = np.zeros(w, np.uint8)
         for y in range(TILE * j, min(TILE * (j + 1), h)):
-            for x in range(w):
-                if disparity[y, x] <= 0.0:
-                    tiles[j, x // TILE] = 1
+            _mark_holes(disparity[y], found)
+        _by_tile(found, tiles[j])
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -262,11 +278,7 @@ def mark_open_tiles(disparity: F32, step: float, tiles: U8) -> None:
         found = np.zeros(w, np.uint8)
         for y in range(TILE * j, min(TILE * (j + 1), h)):
             _mark_open_row(disparity[max(y - 1, 0)], disparity[y], disparity[min(y + 1, h - 1)], least, found)
-        for i in range(tiles.shape[1]):
-            some = np.uint8(0)
-            for x in range(TILE * i, min(TILE * (i + 1), w)):
-                some |= found[x]
-            tiles[j, i] = some
+        _by_tile(found, tiles[j])
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -342,58 +354,42 @@ sort_into_bands = numba.njit(cache=True, parallel=True, nogil=True, error_model=
 sort_into_bands_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_sort_into_bands)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
-def _side(pu: float, pv: float, ru: float, rv: float) -> tuple[float, float, float, float]:
-    """A triangle's side as a bound (a, s) on u = a + s v: of the left end of rows, then of the right end."""
-    dv = rv - pv
-    if dv == 0.0:
-        return -1e30, 0.0, 1e30, 0.0
-    slope = (ru - pu) / dv
-    slack = _SIDE_PX * (1.0 + abs(slope))
-    at = pu - slope * pv
-    if dv > 0.0:
-        return at - slack, slope, 1e30, 0.0
-    return -1e30, 0.0, at + slack, slope
-
-
 @numba.njit(inline="always", cache=True, error_model="numpy", fastmath={"contract", "nnan"})
 def _draw_projected(
     ua: float, va: float, qa: float, ub: float, vb: float, qb: float, uc: float, vc: float, qc: float,
     first: int, last: int, view: int, margin: float, push: float, disparity: F32, winner: U8,
 ) -> None:  # fmt: skip
     """Scan-convert one triangle in rows first..last; disparity is affine on the screen."""
-    area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
+    # A side from p to r is rise * (u - pu) - run * (v - pv), 0 or more inside.
+    rise_a, rise_b, rise_c = vb - va, vc - vb, va - vc
+    run_a, run_b, run_c = ub - ua, uc - ub, ua - uc
+    area = run_c * rise_a - run_a * rise_c  # twice it; below 0 as the eye sees it
     if area >= 0.0:
         return
     width = disparity.shape[1]
-    inverse = 1.0 / area
-    q_du = ((qb - qa) * (vc - va) - (qc - qa) * (vb - va)) * inverse
-    q_dv = ((qc - qa) * (ub - ua) - (qb - qa) * (uc - ua)) * inverse
+    inverse = -1.0 / area
+    q_du = ((qb - qa) * rise_c + (qc - qa) * rise_a) * inverse
+    q_dv = -((qb - qa) * run_c + (qc - qa) * run_a) * inverse
     q_low, q_high = min(qa, min(qb, qc)), max(qa, max(qb, qc))
-    low, high = min(va, min(vb, vc)), max(va, max(vb, vc))
-    first = max(first, math.ceil(low - 0.5 - _SIDE_PX))
-    last = min(last, math.floor(high - 0.5 + _SIDE_PX))
     u_low, u_high = min(ua, min(ub, uc)), max(ua, max(ub, uc))
-    # u on each side is a + s * v; sides with rising v bound the rows on the left (area < 0), falling ones on the right.
-    la, ls, ra, rs = _side(ua, va, ub, vb)
-    lb, lt, rb, rt = _side(ub, vb, uc, vc)
-    lc, lu, rc, ru = _side(uc, vc, ua, va)
-    u_low, u_high = u_low - _SIDE_PX, u_high + _SIDE_PX
-    for y in range(first, last + 1):
-        v = y + 0.5
-        left = max(max(la + ls * v, lb + lt * v), max(lc + lu * v, u_low))
-        right = min(min(ra + rs * v, rb + rt * v), min(rc + ru * v, u_high))
-        x0, x1 = max(0, math.ceil(left - 0.5)), min(width - 1, math.floor(right - 0.5))
-        q_row = qa + q_dv * (v - va) - q_du * (ua - 0.5)
-        row, winners = disparity[y], winner[y]
-        for x in range(x0, x1 + 1):
-            q = min(max(q_row + q_du * x, q_low), q_high)
-            if push > 0.0:
-                q = q / (1.0 + push * q)
-            before = row[x]
-            if q > before + (margin if before > 0.0 else 0.0):
-                row[x] = q
-                winners[x] = view
+    v_low, v_high = min(va, min(vb, vc)), max(va, max(vb, vc))
+    first = max(first, math.ceil(v_low - 0.5 - _SIDE_PX))
+    last = min(last, math.floor(v_high - 0.5 + _SIDE_PX))
+    x0, x1 = max(0, math.ceil(u_low - 0.5 - _SIDE_PX)), min(width - 1, math.floor(u_high - 0.5 + _SIDE_PX))
+    slack_a = _SIDE_PX * (abs(rise_a) + abs(run_a)) - rise_a * ua + run_a * va
+    slack_b = _SIDE_PX * (abs(rise_b) + abs(run_b)) - rise_b * ub + run_b * vb
+    slack_c = _SIDE_PX * (abs(rise_c) + abs(run_c)) - rise_c * uc + run_c * vc
+    near, won, v = disparity.ctypes.data, winner.ctypes.data, first + 0.5
+    for x in range(x0, x1 + 1, LANES):
+        u, at = x + 0.5, first * width + x
+        draw_strip(
+            near + 4 * at, won + at, width, x1 + 1 - x, last + 1 - first,
+            (
+                rise_a * u - run_a * v + slack_a, rise_a, -run_a, rise_b * u - run_b * v + slack_b, rise_b, -run_b,
+                rise_c * u - run_c * v + slack_c, rise_c, -run_c,
+            ),
+            (qa + q_du * (u - ua) + q_dv * (v - va), q_du, q_dv, q_low, q_high), margin, push, view,
+        )  # fmt: skip
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
