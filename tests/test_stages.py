@@ -50,7 +50,7 @@ def test_the_work_is_that_of_the_engines_reports(report):
     assert report.row("first frame", "background: culling").work == {"rays": first.background.rays}
     assert report.row("first frame", "background: triangulate").work == {"triangles": first.background.s_pbs}
     assert report.row("first frame", "pbi").work == {"rays": first.pbi_rays}
-    assert first.pbi_rays > 500
+    assert first.pbi_rays > 0
     assert report.row("first frame", "triangulate").work == {"triangles": first.triangles}
     size = report.size[0] * report.size[1]
     assert report.row("pair", "shade").work == {"pixels": 2 * size}

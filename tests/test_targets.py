@@ -22,7 +22,8 @@ def test_a_target_knows_which_way_is_better() -> None:
 
 
 def test_presets_lose_no_more_than_is_wanted() -> None:
-    rows = list(loss_targets(make_twin("museum", 0.06), 0, lambda: None))
+    # Pictures of a few dozen pixels would be all silhouettes.
+    rows = list(loss_targets(make_twin("museum", 0.15), 0, lambda: None))
     assert len(rows) == 6
     assert [row.met for row in rows if row.wanted is not None] == [True, True]
 
