@@ -345,8 +345,7 @@ class Engine:
         warped = 0
         for number, prepared in enumerate(views):
             margin = 2 * prepared.options.tolerance + prepared.view.camera.depth.step
-            tiles = canvas.hole_tiles() if number and not settings.overdraw else None
-            warped += canvas.draw(prepared.mesh(), target, number, near, margin, tiles)
+            warped += canvas.draw(prepared.mesh(), target, number, near, margin)
         # Depth that was not measured may be anywhere: it goes only where no view has measured a surface. So does the
         # half pixel round everything that is known less well.
         warped += canvas.draw_holes("doubtful", views, target, near)

@@ -36,7 +36,7 @@ class Settings:
     tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles a pixel
     edge_px: float = 4.0  # disparity step between neighbours that is a depth edge, reprojected pixels
     completion: bool = True  # pixels without depth get one (30 ms of one core a megapixel); others cost nothing
-    overdraw: bool = True  # draw views and backdrop wherever they may win, not only where the views before left holes
+    overdraw: bool = True  # lay the backdrop over everything, not only where the views left holes
     rims: bool = True  # pixels at depth edges keep their full square where no view has a surface
     baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
     max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two up to 32
@@ -93,7 +93,7 @@ class Settings:
         """The settings of a quality (fast, balanced, best), with changes on top."""
         presets = {
             "fast": cls(tolerance_px=0.5, overdraw=False, rims=False, blend=1, pbi_scale=0.33, jpeg_quality=80),
-            "balanced": cls(pbi_scale=0.5, cubic=True, antialias="morphological"),
+            "balanced": cls(rims=False, pbi_scale=0.5, cubic=True, antialias="morphological"),
             "best": cls(tolerance_px=0.1, blend=5, cubic=True, antialias="samples"),
         }
         if quality not in presets:

@@ -26,13 +26,17 @@ _GREY = 512.0  # what is left where nothing was seen and nothing filled
 
 class _Kernels(NamedTuple):
     transform: Callable[..., None]
+    mark_nearer: Callable[..., None]
     sort: Callable[..., None]
     draw: Callable[..., None]
 
 
-_PARALLEL = _Kernels(rasterise.transform_points, rasterise.sort_into_bands, rasterise.draw_bands)
+_PARALLEL = _Kernels(
+    rasterise.transform_points, rasterise.mark_nearer, rasterise.sort_into_bands, rasterise.draw_bands
+)
 _SERIAL = _Kernels(
-    rasterise.transform_points_serially, rasterise.sort_into_bands_serially, rasterise.draw_bands_serially
+    rasterise.transform_points_serially, rasterise.mark_nearer_serially,
+    rasterise.sort_into_bands_serially, rasterise.draw_bands_serially,
 )
 _FEW = 20000  # points and triangles below which threads cost more than they bring
 
@@ -58,6 +62,7 @@ class Canvas:
         self._counts = np.empty((_CHUNKS, math.ceil(height / self._band_rows)), np.int64)
         self._lists = np.empty(0, np.int32)
         self._screen = np.empty(0, np.float32)
+        self._nearer = np.empty(0, np.uint8)
 
     def clear(self, marks: npt.NDArray[np.uint8] | None = None) -> None:
         """Forget the last picture's surfaces.
@@ -161,6 +166,9 @@ class Canvas:
         kernels = _SERIAL if (starts[visible + 1] - starts[visible]).sum() < _FEW else _PARALLEL
         screen = self._room("_screen", len(mesh.points) * 4).reshape(-1, 4)
         kernels.transform(mesh.points, starts, visible, camera, screen)
+        nearer = self._room("_nearer", len(mesh.points))
+        if open_tiles.size:
+            kernels.mark_nearer(screen, starts, visible, disparity, margin, nearer)
         # Chunks of blocks with about as many triangles each.
         sums = np.concatenate([[0], np.cumsum(starts[visible + 1, 1] - starts[visible, 1])])
         shares = np.searchsorted(sums, np.linspace(0, sums[-1], _CHUNKS + 1))
@@ -170,7 +178,7 @@ class Canvas:
         lists = self._room("_lists", self._counts.size * most).reshape(*self._counts.shape, most)
         kernels.sort(
             screen, mesh.triangles, starts, visible, shares, camera, near, self._band_rows, tiles, open_tiles,
-            disparity, margin, self._counts, lists, drawn,
+            nearer, self._counts, lists, drawn,
         )  # fmt: skip
         kernels.draw(
             screen, mesh.triangles, camera, target.columns, target.rows, near, self._band_rows,

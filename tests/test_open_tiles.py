@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from farside.engine import warping
 from farside.engine.engine import Engine
-from farside.engine.kernels.rasterise import TILE, mark_open_tiles
+from farside.engine.kernels.rasterise import HOLE, SILHOUETTE, TILE, mark_open_tiles
 from farside.engine.metrics import iv_psnr
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin, twin_frame
@@ -19,12 +19,11 @@ def open_tiles(disparity, step):
     for y in range(h):
         for x in range(w):
             q = disparity[y, x]
-            found = q <= 0
-            if 0 < x < w - 1:
-                found |= abs(disparity[y, x - 1] - q - q + disparity[y, x + 1]) > step
             above, below = disparity[max(y - 1, 0), x], disparity[min(y + 1, h - 1), x]
-            found |= abs(above - q - q + below) > step
-            tiles[y // TILE, x // TILE] |= bool(found)
+            bends = abs(above - q - q + below) > step
+            if 0 < x < w - 1:
+                bends |= abs(disparity[y, x - 1] - q - q + disparity[y, x + 1]) > step
+            tiles[y // TILE, x // TILE] |= (SILHOUETTE if bends else 0) | (HOLE if q <= 0 else 0)
     return tiles
 
 

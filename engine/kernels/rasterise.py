@@ -20,11 +20,15 @@ from .project import PERSPECTIVE
 from .strips import LANES, draw_strip
 
 __all__ = [
+    "HOLE",
+    "SILHOUETTE",
     "TILE",
     "bound_blocks",
     "draw_bands",
     "draw_bands_serially",
     "mark_hole_tiles",
+    "mark_nearer",
+    "mark_nearer_serially",
     "mark_open_tiles",
     "sort_into_bands",
     "sort_into_bands_serially",
@@ -42,6 +46,7 @@ U8 = npt.NDArray[np.uint8]
 # Pixels by which a triangle's sides are moved outwards: rounding opens no cracks between neighbours.
 _SIDE_PX = 1e-3
 TILE = 8  # pixels
+SILHOUETTE, HOLE = 1, 2  # marks of tiles (`mark_open_tiles`)
 # A triangle no larger than this hides nothing between its corners that they do not tell of.
 _SMALL_PX = 3.0
 
@@ -213,7 +218,7 @@ def _rows_spherical(screen: F32, a: int, b: int, c: int, camera: F64) -> tuple[i
 
 @numba.njit(cache=True, nogil=True)
 def _by_tile(found: U8, tiles: U8) -> None:
-    """tiles [ceil(w / TILE)]: whether anything was found in a tile's columns of found [w]."""
+    """tiles [ceil(w / TILE)]: what was found in a tile's columns of found [w]."""
     for i in range(tiles.shape[0]):
         some = np.uint8(0)
         for x in range(TILE * i, min(TILE * (i + 1), found.shape[0])):
@@ -240,34 +245,36 @@ def mark_hole_tiles(disparity: F32, tiles: U8) -> None:
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _touches_hole(screen: F32, a: int, b: int, c: int, tiles: U8, first: int, last: int) -> bool:
-    """Whether the box round a triangle touches a marked tile."""
+def _touches(screen: F32, a: int, b: int, c: int, tiles: U8, marks: int, first: int, last: int) -> bool:
+    """Whether the box round a triangle touches a tile with one of some marks."""
     low = min(screen[a, 0], min(screen[b, 0], screen[c, 0])) - 1.0
     high = max(screen[a, 0], max(screen[b, 0], screen[c, 0])) + 1.0
     i0, i1 = max(0, int(low)) // TILE, min(tiles.shape[1] - 1, max(0, int(high)) // TILE)
     for j in range(first // TILE, last // TILE + 1):
         for i in range(i0, i1 + 1):
-            if tiles[j, i]:
+            if tiles[j, i] & marks:
                 return True
     return False
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _mark_open_row(above: F32, row: F32, below: F32, step: float, found: U8) -> None:
-    """found [w]: set where nothing was drawn, or drawn disparities bend by more than `step`. Free of branches."""
+    """found [w]: HOLE where nothing was drawn, SILHOUETTE where disparities bend by more than `step`."""
     w = row.shape[0]
     left, right = row[: w - 2], row[2:]
     for x in range(w):
         bend = abs(above[x] - row[x] - row[x] + below[x])
-        found[x] |= np.uint8(1) if (row[x] <= np.float32(0.0)) | (bend > step) else np.uint8(0)
+        found[x] |= np.uint8(SILHOUETTE) if bend > step else np.uint8(0)
+        found[x] |= np.uint8(HOLE) if row[x] <= np.float32(0.0) else np.uint8(0)
     for x in range(w - 2):
         bend = abs(left[x] - row[x + 1] - row[x + 1] + right[x])
-        found[x + 1] |= np.uint8(1) if bend > step else np.uint8(0)
+        found[x + 1] |= np.uint8(SILHOUETTE) if bend > step else np.uint8(0)
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def mark_open_tiles(disparity: F32, step: float, tiles: U8) -> None:
-    """tiles [ceil(h / TILE), ceil(w / TILE)]: 1 where a tile has a pixel that nothing was drawn to, or a silhouette.
+    """tiles [ceil(h / TILE), ceil(w / TILE)]: HOLE where a tile has a pixel that nothing was drawn to, SILHOUETTE where
+    it has one of those, or both.
 
     There a triangle may show between surfaces though its corners lie behind them.
     """
@@ -281,36 +288,40 @@ def mark_open_tiles(disparity: F32, step: float, tiles: U8) -> None:
         _by_tile(found, tiles[j])
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
-def _corner_may_win(screen: F32, a: int, disparity: F32, margin: float) -> bool:
-    """Whether a corner is nearer than what was drawn to the pixel that it lies in."""
-    h, w = disparity.shape
-    x, y = int(screen[a, 0]), int(screen[a, 1])
-    if x < 0 or y < 0 or x >= w or y >= h:
-        return True
-    drawn = disparity[y, x]
-    return drawn <= 0.0 or screen[a, 2] > drawn + margin
+def _mark_nearer(screen: F32, starts: I64, visible: I64, disparity: F32, margin: float, nearer: U8) -> None:
+    """nearer [n]: 1 for points of visible blocks that lie before what is drawn to their pixel, or outside the picture.
+
+    By point and not by triangle: a point belongs to six of them, and what it waits for is memory.
+    """
+    height, width = np.float32(disparity.shape[0]), np.float32(disparity.shape[1])
+    for k in numba.prange(visible.shape[0]):
+        for i in range(starts[visible[k], 0], starts[visible[k] + 1, 0]):
+            u, v = screen[i, 0], screen[i, 1]
+            found = True
+            if (u >= np.float32(0.0)) & (v >= np.float32(0.0)) & (u < width) & (v < height):
+                drawn = disparity[int(v), int(u)]
+                found = (drawn <= np.float32(0.0)) | (screen[i, 2] > drawn + margin)
+            nearer[i] = found
+
+
+mark_nearer = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_mark_nearer)
+mark_nearer_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_mark_nearer)
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _may_win(screen: F32, a: int, b: int, c: int, open_tiles: U8, disparity: F32, margin: float) -> bool:
-    """Whether a triangle may win a pixel: by a corner or, unless it is small, where something is open."""
-    if (
-        _corner_may_win(screen, a, disparity, margin)
-        or _corner_may_win(screen, b, disparity, margin)
-        or _corner_may_win(screen, c, disparity, margin)
-    ):
+def _may_win(screen: F32, a: int, b: int, c: int, nearer: U8, open_tiles: U8, height: int) -> bool:
+    """Whether a triangle may win a pixel: by a corner, beside a hole or, unless it is small, beside a silhouette."""
+    if (nearer[a] | nearer[b] | nearer[c]) != 0:
         return True
     left, right = min(screen[a, 0], min(screen[b, 0], screen[c, 0])), max(screen[a, 0], max(screen[b, 0], screen[c, 0]))
     top, bottom = min(screen[a, 1], min(screen[b, 1], screen[c, 1])), max(screen[a, 1], max(screen[b, 1], screen[c, 1]))
-    if max(right - left, bottom - top) <= _SMALL_PX:
-        return False
-    return _touches_hole(screen, a, b, c, open_tiles, max(int(top), 0), min(int(bottom), disparity.shape[0] - 1))
+    marks = HOLE if max(right - left, bottom - top) <= _SMALL_PX else HOLE | SILHOUETTE
+    return _touches(screen, a, b, c, open_tiles, marks, max(int(top), 0), min(int(bottom), height - 1))
 
 
 def _sort_into_bands(
     screen: F32, triangles: I32, starts: I64, visible: I64, shares: I64, camera: F64, near: float, band_rows: int,
-    tiles: U8, open_tiles: U8, disparity: F32, margin: float, counts: I64, lists: I32, drawn: I64,
+    tiles: U8, open_tiles: U8, nearer: U8, counts: I64, lists: I32, drawn: I64,
 ) -> None:  # fmt: skip
     """Sort visible blocks' triangles into bands; counts [chunks, bands], lists [chunks, bands, capacity].
 
@@ -318,7 +329,7 @@ def _sort_into_bands(
 
     Culled are triangles outside the picture, behind the eye or seen from behind and, for a perspective target and
     unless `tiles` is empty, those that touch no marked tile; and unless `open_tiles` (see `mark_open_tiles`) is, those
-    that cannot win by `margin` over the disparity [h, w] drawn so far. A triangle over several bands stands in each.
+    that cannot win a pixel, `nearer` being what `mark_nearer` gives. A triangle over several bands stands in each.
     """
     chunks, bands = counts.shape[0], counts.shape[1]
     width, height = int(camera[1]), int(camera[2])
@@ -339,9 +350,9 @@ def _sort_into_bands(
                 if last < first:
                     continue
                 before = perspective and min(screen[a, 3], min(screen[b, 3], screen[c, 3])) >= near
-                if tiles.size > 0 and before and not _touches_hole(screen, a, b, c, tiles, first, last):
+                if tiles.size > 0 and before and not _touches(screen, a, b, c, tiles, 255, first, last):
                     continue
-                if open_tiles.size > 0 and before and not _may_win(screen, a, b, c, open_tiles, disparity, margin):
+                if open_tiles.size > 0 and before and not _may_win(screen, a, b, c, nearer, open_tiles, height):
                     continue
                 drawn[chunk] += 1
                 for band in range(first // band_rows, last // band_rows + 1):
