@@ -160,3 +160,17 @@ def test_scalars_by_address():
     floats, integers = np.arange(4, dtype=np.float32) / 2, np.arange(4) - (1 << 40)
     found = numba.njit(lambda a, b: (simd.load_float(a, 3), simd.load_integer(b, 1)))
     assert found(floats.ctypes.data, integers.ctypes.data) == (1.5, 1 - (1 << 40))
+
+
+def test_masked_memory_is_touched_only_where_the_mask_is_true():
+    @numba.njit
+    def move(source, target, bytes_, below):
+        mask = simd.lane_numbers() < np.float32(below)
+        simd.store_where(target, 1, simd.load_where(source, 0, mask) + 1.0, mask)
+        simd.store_byte_where(bytes_, 2, 300, mask)
+
+    source, target = np.arange(5, 21, dtype=np.float32), np.full(18, -1, np.float32)
+    bytes_ = np.full(20, 7, np.uint8)
+    move(source.ctypes.data, target.ctypes.data, bytes_.ctypes.data, 6)
+    np.testing.assert_array_equal(target, [-1, *(source[:6] + 1), *[-1] * 11])
+    np.testing.assert_array_equal(bytes_, [7, 7, *[300 & 255] * 6, *[7] * 12])

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import view_table as t
+from .cuts import BROKEN, CUT_DOWN, CUT_RIGHT
 from .project import PERSPECTIVE
 from .simd import (
     Floats,
@@ -42,7 +43,6 @@ from .simd import (
     zipped_rest,
 )
 from .tone import TONE_SIZE
-from .triangulate import BROKEN, CUT_DOWN, CUT_RIGHT
 
 __all__ = [
     "CAREFUL",

@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import PERSPECTIVE
-from .strips import LANES, draw_strip
+from .simd import LANES
+from .strips import draw_strip
 
 __all__ = [
     "HOLE",

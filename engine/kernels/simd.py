@@ -29,9 +29,11 @@ __all__ = [
     "gather_bytes",
     "gather_halves",
     "gather_quads",
+    "lane_numbers",
     "load",
     "load_float",
     "load_integer",
+    "load_where",
     "maximum",
     "minimum",
     "odds",
@@ -40,6 +42,8 @@ __all__ = [
     "spread",
     "square_root",
     "store",
+    "store_byte_where",
+    "store_where",
     "sum_pairs",
     "to_floats",
     "to_integers",
@@ -315,6 +319,57 @@ def store(typingctx: Any, address: Any, index: Any, values: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, _FLOATS), codegen
+
+
+@intrinsic
+def lane_numbers(typingctx: Any) -> Any:
+    """0, 1, 2 ... 15 as floats."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return ir.Constant(_ir_type(_FLOATS), [float(lane) for lane in range(LANES)])
+
+    return _FLOATS(), codegen
+
+
+@intrinsic
+def load_where(typingctx: Any, address: Any, index: Any, mask: Any) -> Any:
+    """As `load` where the mask is true, 0 elsewhere; what is masked out need not exist."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind, place = _ir_type(_FLOATS), _pointer(builder, ir.FloatType(), *args[:2])
+        nothing, alignment = ir.Constant(kind, None), ir.IntType(32)(4)
+        return _call(builder, f"llvm.masked.load.v{LANES}f32.p0", kind, place, alignment, args[2], nothing)
+
+    return _FLOATS(types.int64, types.int64, _TRUTHS), codegen
+
+
+def _masked_store(builder: Any, name: str, values: Any, place: Any, bytes_each: int, mask: Any) -> None:
+    alignment = ir.IntType(32)(bytes_each)
+    _call(builder, f"llvm.masked.store.v{LANES}{name}.p0", ir.VoidType(), values, place, alignment, mask)
+
+
+@intrinsic
+def store_where(typingctx: Any, address: Any, index: Any, values: Any, mask: Any) -> Any:
+    """As `store` where the mask is true; elsewhere nothing is written."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        _masked_store(builder, "f32", args[2], _pointer(builder, ir.FloatType(), *args[:2]), 4, args[3])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, _FLOATS, _TRUTHS), codegen
+
+
+@intrinsic
+def store_byte_where(typingctx: Any, address: Any, index: Any, number: Any, mask: Any) -> Any:
+    """Write the low byte of a number to those of sixteen bytes from address + index where the mask is true."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        byte = ir.IntType(8)
+        numbers = _spread(builder, builder.trunc(args[2], byte))
+        _masked_store(builder, "i8", numbers, _pointer(builder, byte, *args[:2]), 1, args[3])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64, _TRUTHS), codegen
 
 
 @intrinsic

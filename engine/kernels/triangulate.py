@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from . import lanes
-from .cuts import BROKEN, CUT_DOWN, CUT_RIGHT, KEPT, VALID
+from .cuts import CUT_DOWN, CUT_RIGHT, KEPT, VALID
 from .splits import BLOCK, EMPTY, EVEN, MIXED, ODD, PLAIN, SIDE
 
-__all__ = ["BOTH", "BROKEN", "CUT_DOWN", "CUT_RIGHT", "RIMS", "SURFACE", "count_triangles", "emit_triangles"]
+__all__ = ["BOTH", "RIMS", "SURFACE", "count_triangles", "emit_triangles"]
 
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
