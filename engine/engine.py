@@ -29,9 +29,10 @@ from .settings import Settings
 from .settling import Settler
 from .stages import Stages, timed
 from .stereo import PictureReport, RenderedPicture, StereoPicture, StereoView
+from .target import Target
 from .threads import set_thread_count, thread_count
 from .triangulation import Triangulator
-from .warping import Canvas, Target
+from .warping import Canvas
 
 __all__ = ["BackEndReport", "Engine", "Viewer"]
 

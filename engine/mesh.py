@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from .kernels.rasterise import bound_blocks
+from .kernels.blocks import bound_blocks
 
 __all__ = ["Mesh"]
 

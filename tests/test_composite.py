@@ -11,8 +11,9 @@ from farside.engine.depth import DepthCoding
 from farside.engine.frame import View
 from farside.engine.kernels.present import present_depth
 from farside.engine.prepared import PreparedView, ViewTable
+from farside.engine.target import Target
 from farside.engine.triangulation import TriangulationOptions
-from farside.engine.warping import Canvas, Target
+from farside.engine.warping import Canvas
 from rooms import BOX_X, WALL_X, camera_row, see, texture_of
 
 ORIGIN = np.zeros(3)

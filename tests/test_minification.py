@@ -13,8 +13,9 @@ from farside.engine.frame import Texture, View
 from farside.engine.kernels import minify
 from farside.engine.minification import MOST_LEVELS, Level, halved, level_for
 from farside.engine.prepared import PreparedView, ViewTable
+from farside.engine.target import Target
 from farside.engine.triangulation import TriangulationOptions, depth_cuts
-from farside.engine.warping import Canvas, Target
+from farside.engine.warping import Canvas
 from oracle.minify import halve
 
 ORIGIN = np.zeros(3)

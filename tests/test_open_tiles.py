@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from farside.engine import warping
 from farside.engine.engine import Engine
-from farside.engine.kernels.rasterise import HOLE, SILHOUETTE, TILE, mark_open_tiles
+from farside.engine.kernels.tiles import HOLE, SILHOUETTE, TILE, mark_open_tiles
 from farside.engine.metrics import iv_psnr
+from farside.engine.rasteriser import Rasteriser
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin, twin_frame
 
@@ -51,8 +51,8 @@ def test_pictures_are_as_good_as_from_drawing_everything(name, monkeypatch):
         return engine.render_camera(camera)
 
     sparing = picture()
-    everywhere = warping.Canvas._rasterise
-    monkeypatch.setattr(warping.Canvas, "_rasterise", lambda *a: everywhere(*a[:10]))
+    everywhere = Rasteriser.draw
+    monkeypatch.setattr(Rasteriser, "draw", lambda *a: everywhere(*a[:10]))
     full = picture()
     assert sparing.report.warped < 0.8 * full.report.warped
     assert np.array_equal(sparing.holes(), full.holes())

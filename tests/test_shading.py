@@ -11,8 +11,9 @@ from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.depth import DepthCoding
 from farside.engine.frame import Texture, View
 from farside.engine.prepared import PreparedView, ViewTable
+from farside.engine.target import Target
 from farside.engine.triangulation import TriangulationOptions
-from farside.engine.warping import Canvas, Target
+from farside.engine.warping import Canvas
 
 ORIGIN = np.zeros(3)
 CODING = DepthCoding(0.5, 20.0, 16, has_invalid=True)

@@ -88,6 +88,11 @@ def test_extremes_and_roots():
     np.testing.assert_allclose(lanes(lambda x: simd.square_root(x), Y), np.sqrt(Y), rtol=2e-7)
 
 
+def test_rounding():
+    np.testing.assert_array_equal(lanes(lambda x: simd.round_down(x), X), np.floor(X))
+    np.testing.assert_array_equal(lanes(lambda x: simd.round_up(x), X), np.ceil(X))
+
+
 def test_integers():
     a, b = X.astype(np.int32), Y.astype(np.int32)  # towards zero
 
@@ -154,6 +159,44 @@ def test_gathers_read_where_the_mask_is_true(name):
     run(index.ctypes.data, out.ctypes.data)
     expected = [data[int(i) + AHEAD[name]] if i < 1000 else 0 for i in index]
     np.testing.assert_array_equal(out, expected)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.int32])
+def test_gathers_of_whole_numbers_and_floats(kind):
+    gather = simd.gather_floats if kind is np.float32 else simd.gather_integers
+    whole = kind is np.int32
+    data = rng.integers(-1000, 1000, 100).astype(kind)
+    index = rng.integers(0, 100, LANES).astype(np.float32)
+    index[5] = 2e9
+    out, address = np.empty(LANES, np.float32), data.ctypes.data
+
+    @numba.njit
+    def run(index, out):
+        found = gather(address, as_integers(load(index, 0)), load(index, 0) < 1000.0)
+        store(out, 0, as_floats(found) if whole else found)
+
+    run(index.ctypes.data, out.ctypes.data)
+    np.testing.assert_array_equal(out, [data[int(i)] if i < 1000 else 0 for i in index])
+
+
+@pytest.mark.parametrize("least", [-100.0, 3.0, 100.0])
+def test_packed_are_those_where_the_mask_is_true(least):
+    out, x = np.full(LANES, -7, np.int32), np.rint(X * 10)
+
+    @numba.njit
+    def run(x, out):
+        return simd.store_packed(out, as_integers(load(x, 0)), load(x, 0) > least)
+
+    expected = x[x > least].astype(np.int32)
+    assert run(x.ctypes.data, out.ctypes.data) == len(expected)
+    np.testing.assert_array_equal(out, [*expected, *[-7] * (LANES - len(expected))])
+
+
+def test_the_larger_is_stored():
+    out = np.empty(LANES, np.float32)
+    larger = numba.njit(lambda x, y, out: simd.store_larger(out, 0, load(x, 0), load(y, 0)))
+    larger(X.ctypes.data, Y.ctypes.data, out.ctypes.data)
+    np.testing.assert_array_equal(out, np.maximum(X, Y))
 
 
 def test_scalars_by_address():

@@ -11,8 +11,9 @@ from farside.engine.camera import Equirectangular, Pose
 from farside.engine.kernels.uncovered import CELL
 from farside.engine.pbi import enlarged, uncovered_cells
 from farside.engine.prepared import PreparedView
+from farside.engine.target import Target
 from farside.engine.triangulation import TriangulationOptions
-from farside.engine.warping import Canvas, Target
+from farside.engine.warping import Canvas
 from rooms import CODING, camera_row, see
 
 ORIGIN = np.zeros(3)

@@ -13,8 +13,9 @@ from farside.engine.depth import DepthCoding
 from farside.engine.frame import View
 from farside.engine.mesh import Mesh
 from farside.engine.prepared import PreparedView, pixels_per_radian
+from farside.engine.target import Target
 from farside.engine.triangulation import TriangulationOptions, triangulate
-from farside.engine.warping import Canvas, Target
+from farside.engine.warping import Canvas
 from oracle.zbuffer import zbuffer
 from rooms import texture_of
 

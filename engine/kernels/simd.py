@@ -27,7 +27,9 @@ __all__ = [
     "any_of",
     "evens",
     "gather_bytes",
+    "gather_floats",
     "gather_halves",
+    "gather_integers",
     "gather_quads",
     "lane_numbers",
     "load",
@@ -38,11 +40,15 @@ __all__ = [
     "minimum",
     "odds",
     "prefetch",
+    "round_down",
+    "round_up",
     "select",
     "spread",
     "square_root",
     "store",
     "store_byte_where",
+    "store_larger",
+    "store_packed",
     "store_where",
     "sum_pairs",
     "to_floats",
@@ -208,6 +214,25 @@ def square_root(typingctx: Any, x: Any) -> Any:
     return _FLOATS(_FLOATS), codegen
 
 
+def _rounding(name: str) -> Any:
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return _call(builder, f"llvm.{name}.v{LANES}f32", args[0].type, args[0])
+
+    return _FLOATS(_FLOATS), codegen
+
+
+@intrinsic
+def round_down(typingctx: Any, x: Any) -> Any:
+    """The largest whole numbers not above floats, as floats."""
+    return _rounding("floor")
+
+
+@intrinsic
+def round_up(typingctx: Any, x: Any) -> Any:
+    """The smallest whole numbers not below floats, as floats."""
+    return _rounding("ceil")
+
+
 @intrinsic
 def to_floats(typingctx: Any, x: Any) -> Any:
     """Integers as floats."""
@@ -322,6 +347,21 @@ def store(typingctx: Any, address: Any, index: Any, values: Any) -> Any:
 
 
 @intrinsic
+def store_larger(typingctx: Any, address: Any, index: Any, x: Any, y: Any) -> Any:
+    """As `store` of the larger of two in each lane, neither of them NaN.
+
+    In one piece: a `select` before a `store` becomes a store where a mask is true, and a load of the same place soon
+    after waits until that has reached the memory."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        larger = _call(builder, f"llvm.maxnum.v{LANES}f32", args[2].type, *args[2:], fastmath=("nnan", "nsz"))
+        builder.store(larger, _pointer(builder, ir.FloatType(), *args[:2]), align=4)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, _FLOATS, _FLOATS), codegen
+
+
+@intrinsic
 def lane_numbers(typingctx: Any) -> Any:
     """0, 1, 2 ... 15 as floats."""
 
@@ -373,6 +413,19 @@ def store_byte_where(typingctx: Any, address: Any, index: Any, number: Any, mask
 
 
 @intrinsic
+def store_packed(typingctx: Any, address: Any, values: Any, mask: Any) -> Any:
+    """Write those integers where the mask is true side by side to int32 from address on; returns how many."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = builder.inttoptr(args[0], ir.PointerType())
+        _call(builder, f"llvm.masked.compressstore.v{LANES}i32", ir.VoidType(), args[1], place, args[2])
+        bits = builder.bitcast(args[2], ir.IntType(LANES))
+        return builder.zext(_call(builder, f"llvm.ctpop.i{LANES}", bits.type, bits), ir.IntType(64))
+
+    return types.int64(types.int64, _INTEGERS, _TRUTHS), codegen
+
+
+@intrinsic
 def prefetch(typingctx: Any, address: Any, index: Any) -> Any:
     """Have what lies at address + 2 * the first lane of index ready soon; it need not exist."""
 
@@ -412,6 +465,23 @@ def gather_halves(typingctx: Any, address: Any, index: Any, mask: Any) -> Any:
 def gather_bytes(typingctx: Any, address: Any, index: Any, mask: Any) -> Any:
     """Where the mask is true the 32 bits at address + index: four uint8 side by side, the first lowest."""
     return _INTEGERS(types.int64, _INTEGERS, _TRUTHS), _gather(8, 32)
+
+
+@intrinsic
+def gather_integers(typingctx: Any, address: Any, index: Any, mask: Any) -> Any:
+    """Where the mask is true the int32 at address + 4 * index."""
+    return _INTEGERS(types.int64, _INTEGERS, _TRUTHS), _gather(32, 32)
+
+
+@intrinsic
+def gather_floats(typingctx: Any, address: Any, index: Any, mask: Any) -> Any:
+    """Where the mask is true the float32 at address + 4 * index."""
+    gather = _gather(32, 32)
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(gather(context, builder, signature, args), _ir_type(_FLOATS))
+
+    return _FLOATS(types.int64, _INTEGERS, _TRUTHS), codegen
 
 
 @intrinsic

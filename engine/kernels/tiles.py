@@ -1,0 +1,74 @@
+"""Tiles of a picture: where it has holes and silhouettes, so that what goes only there is not looked for elsewhere."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["HOLE", "SILHOUETTE", "TILE", "mark_hole_tiles", "mark_open_tiles"]
+
+TILE = 8  # pixels
+SILHOUETTE, HOLE = 1, 2  # marks of tiles (`mark_open_tiles`)
+
+F32 = npt.NDArray[np.float32]
+U8 = npt.NDArray[np.uint8]
+
+
+@numba.njit(cache=True, nogil=True)
+def _by_tile(found: U8, tiles: U8) -> None:
+    """tiles [ceil(w / TILE)]: what was found in a tile's columns of found [w]."""
+    for i in range(tiles.shape[0]):
+        some = np.uint8(0)
+        for x in range(TILE * i, min(TILE * (i + 1), found.shape[0])):
+            some |= found[x]
+        tiles[i] = some
+
+
+@numba.njit(cache=True, nogil=True)
+def _mark_holes(row: F32, found: U8) -> None:
+    for x in range(row.shape[0]):
+        found[x] |= np.uint8(1) if row[x] <= np.float32(0.0) else np.uint8(0)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True)
+def mark_hole_tiles(disparity: F32, tiles: U8) -> None:
+    """tiles [ceil(h / TILE), ceil(w / TILE)]: 1 where a tile has a pixel that nothing was drawn to."""
+    h, w = disparity.shape
+    for row in numba.prange(tiles.shape[0]):
+        j = int(np.int64(row))
+        found = np.zeros(w, np.uint8)
+        for y in range(TILE * j, min(TILE * (j + 1), h)):
+            _mark_holes(disparity[y], found)
+        _by_tile(found, tiles[j])
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mark_open_row(above: F32, row: F32, below: F32, step: float, found: U8) -> None:
+    """found [w]: HOLE where nothing was drawn, SILHOUETTE where disparities bend by more than `step`."""
+    w = row.shape[0]
+    left, right = row[: w - 2], row[2:]
+    for x in range(w):
+        bend = abs(above[x] - row[x] - row[x] + below[x])
+        found[x] |= np.uint8(SILHOUETTE) if bend > step else np.uint8(0)
+        found[x] |= np.uint8(HOLE) if row[x] <= np.float32(0.0) else np.uint8(0)
+    for x in range(w - 2):
+        bend = abs(left[x] - row[x + 1] - row[x + 1] + right[x])
+        found[x + 1] |= np.uint8(SILHOUETTE) if bend > step else np.uint8(0)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def mark_open_tiles(disparity: F32, step: float, tiles: U8) -> None:
+    """tiles [ceil(h / TILE), ceil(w / TILE)]: HOLE where a tile has a pixel that nothing was drawn to, SILHOUETTE where
+    it has one of those, or both.
+
+    There a triangle may show between surfaces though its corners lie behind them.
+    """
+    h, w = disparity.shape
+    least = np.float32(step)
+    for row in numba.prange(tiles.shape[0]):
+        j = int(np.int64(row))
+        found = np.zeros(w, np.uint8)
+        for y in range(TILE * j, min(TILE * (j + 1), h)):
+            _mark_open_row(disparity[max(y - 1, 0)], disparity[y], disparity[min(y + 1, h - 1)], least, found)
+        _by_tile(found, tiles[j])
