@@ -225,6 +225,10 @@ class Engine:
         counts = self._model.counts() if self._model is not None else {}
         return {"frame_index": self.frame_index, "cameras": len(self.cameras), "background": counts}
 
+    def close(self) -> None:
+        """End the threads."""
+        self._second_eye.shutdown()
+
     def _newest(self) -> _FrontBuffer:
         """What the next picture is rendered from, and how."""
         if self._front is None:

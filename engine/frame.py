@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
 
-__all__ = ["Frame", "Texture", "View"]
+__all__ = ["Frame", "Lent", "Texture", "View"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +50,18 @@ class View:
                 raise ValueError(f"view {self.camera.name}: {name}: shape {shape}: expected {expected}")
 
 
+class Lent(NamedTuple):
+    """Where another process finds a frame's planes: a file of a process, and its name (`frame_buffers`)."""
+
+    process: int
+    file: int
+    name: str
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     """All views of one instant, in the order of the sequence's source cameras."""
 
     index: int
     views: tuple[View, ...]
+    lent: Lent | None = None  # None: in this process only

@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
-from .frame import Texture
+from .frame import Lent, Texture
 
-__all__ = ["FrameBuffer", "FrameBuffers", "Planes", "frame_bytes", "lay_out", "open_buffer"]
+__all__ = ["FrameBuffer", "FrameBuffers", "Planes", "frame_bytes", "lay_out", "open_buffer", "open_memory"]
 
 _ALIGNMENT = 64  # bytes
 
@@ -79,9 +79,10 @@ class FrameBuffers:
     ) -> None:
         self.cameras, self.name = tuple(cameras), name
         self.files = [_create(name, frame_bytes(self.cameras)) for _ in range(count)]
-        self._maps = [mmap.mmap(file, frame_bytes(self.cameras)) for file in self.files]
+        self._maps: list[Any] = [mmap.mmap(file, frame_bytes(self.cameras)) for file in self.files]
         self._on_free = on_free
         self._free = deque(range(count))
+        self._closed = False
         self._lock = threading.Lock()
 
     def take(self) -> FrameBuffer | None:
@@ -94,20 +95,28 @@ class FrameBuffers:
         weakref.finalize(memory, self._give_back, number).atexit = False  # the base of all planes: it goes after them
         return FrameBuffer(number, lay_out(memory, self.cameras))
 
+    def lent(self, number: int) -> Lent:
+        """Where another process finds a buffer."""
+        return Lent(os.getpid(), self.files[number], self.name)
+
     def _give_back(self, number: int) -> None:
         with self._lock:
+            if self._closed:
+                self._drop(number)
+                return
             self._free.append(number)
         self._on_free()
 
     def close(self) -> None:
-        """Lets go of the memory; what is in use stays as long as it is, and `on_free` is called no more."""
-        self._on_free = lambda: None
-        for file in self.files:
-            os.close(file)
-        self._maps.clear()
-        self.files.clear()
+        """Lets go of the memory; what is in use stays as long as it is, and can be opened; `on_free` is not called."""
         with self._lock:
-            self._free.clear()
+            self._closed = True
+            while self._free:
+                self._drop(self._free.pop())
+
+    def _drop(self, number: int) -> None:
+        os.close(self.files[number])
+        self._maps[number] = None
 
 
 def _create(name: str, size: int) -> int:
@@ -119,13 +128,17 @@ def _create(name: str, size: int) -> int:
 
 def open_buffer(process: int, file: int, name: str, cameras: Sequence[Camera]) -> dict[str, Planes]:
     """Another process' buffer, to be written; OSError where it cannot be had, or is not what it is said to be."""
+    return lay_out(np.frombuffer(open_memory(process, file, name, cameras), np.uint8), cameras)
+
+
+def open_memory(process: int, file: int, name: str, cameras: Sequence[Camera]) -> mmap.mmap:
+    """The memory of another process' buffer; OSError as `open_buffer` has it."""
     path = f"/proc/{process}/fd/{file}"
     opened = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     try:
         found = os.readlink(f"/proc/self/fd/{opened}"), os.fstat(opened).st_size
         if found != (f"/memfd:{name} (deleted)", frame_bytes(cameras)):
             raise OSError(f"{path}: {found}: expected {name} of {frame_bytes(cameras)} bytes")
-        memory: Any = mmap.mmap(opened, frame_bytes(cameras))
+        return mmap.mmap(opened, frame_bytes(cameras))
     finally:
         os.close(opened)
-    return lay_out(np.frombuffer(memory, np.uint8), cameras)

@@ -11,20 +11,22 @@ import asyncio
 import logging
 import math
 import time
-from collections.abc import Awaitable, Callable, ItemsView, Iterator, Mapping, ValuesView
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager, contextmanager
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Generic, Protocol, Self, TypeVar
 
+from .apart import Apart, CoreLostError
 from .camera import Camera, Pose
 from .export_mesh import ColouredMesh
 from .frame import Frame
 from .governor import Governor
+from .newest import Newest
 from .settings import Settings
 from .stereo import StereoPicture, StereoView
-from .threads import set_thread_count, thread_count
+from .threads import give_way
 from .timing import Activity, Longest, Rate, StallMonitor, Timings
 
 __all__ = ["Core", "HeadPose", "Live", "LiveViewer", "Source"]
@@ -61,6 +63,9 @@ class Core(Protocol):
 
     def status(self) -> dict[str, Any]:
         """The core's own figures."""
+
+    def close(self) -> None:
+        """Nobody asks for anything any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,11 +122,11 @@ class LiveViewer(Generic[Tag]):
 
     async def run(
         self,
-        finish: Callable[[HeadPose[Tag], StereoPicture], bytes],
+        finish: Callable[[HeadPose[Tag]], Callable[[StereoPicture], bytes]],
         send: Callable[[bytes], Awaitable[None]],
         announce: Callable[[Source], Awaitable[None]],
     ) -> None:
-        """Render and send until cancelled; `finish` (encoding) runs in the render thread too."""
+        """Render and send until cancelled; what `finish` gives (encoding) runs where the core is, so it is pickled."""
         announced = None
         while True:
             await self.wake.wait()
@@ -135,7 +140,8 @@ class LiveViewer(Generic[Tag]):
                 continue  # the next pose, frame or scene wakes
             wanted, self._wanted = self._wanted, None
             start = time.monotonic()
-            data, stages = await self._live.in_front_end(self._render, core, wanted, finish)
+            view = self.view.moved(wanted.pose)
+            data, stages = await self._live.picture(core, view, self.name, finish(wanted))
             self._live.rendered(self.name, stages, start)
             self.rendered += 1
             self.rate.count()
@@ -144,16 +150,6 @@ class LiveViewer(Generic[Tag]):
     def _congested(self) -> bool:
         seen = self._wanted.seen if self._wanted is not None else None
         return seen is not None and self.rendered - seen >= IN_FLIGHT
-
-    def _render(
-        self, core: Core, wanted: HeadPose[Tag], finish: Callable[[HeadPose[Tag], StereoPicture], bytes]
-    ) -> tuple[bytes, dict[str, float]]:
-        start = time.perf_counter()
-        picture = core.render(self.view.moved(wanted.pose), self.name)
-        rendered = time.perf_counter()
-        data = finish(wanted, picture)
-        encode, total = time.perf_counter() - rendered, time.perf_counter() - start
-        return data, picture.stages | {"encode": 1e3 * encode, "total": 1e3 * total}
 
     def status(self) -> dict[str, Any]:
         """Figures for people and monitors."""
@@ -165,36 +161,9 @@ class LiveViewer(Generic[Tag]):
         }
 
 
-class _Newest(Mapping[str, StereoView]):
-    """Where the viewers look at the moment of asking, in any thread; those that have left meanwhile are left out."""
-
-    def __init__(self, viewers: Mapping[str, LiveViewer[Any]]) -> None:
-        self._viewers = viewers
-
-    def _views(self) -> dict[str, StereoView]:
-        return {name: viewer.view for name, viewer in list(self._viewers.items())}
-
-    def __getitem__(self, name: str) -> StereoView:
-        return self._viewers[name].view
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._views())
-
-    def __len__(self) -> int:
-        return len(self._viewers)
-
-    def items(self) -> ItemsView[str, StereoView]:
-        """Names and views, all of one moment."""
-        return self._views().items()
-
-    def values(self) -> ValuesView[StereoView]:
-        """Views, all of one moment."""
-        return self._views().values()
-
-
-def _leave_a_core() -> None:
-    """The back end's kernels leave a core to rendering: a late frame is less noticed than a late picture."""
-    set_thread_count(max(1, thread_count() - 1))
+def _at(core: Core, work: Callable[..., Any], *arguments: Any) -> Any:
+    """Do work with a core where it is: here, or in a process of its own."""
+    return core.run(work, *arguments) if isinstance(core, Apart) else work(core, *arguments)
 
 
 class Live(AbstractAsyncContextManager["Live"]):
@@ -204,7 +173,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         self, make_core: Callable[[Source], Core], *, render_workers: int = 2, governor: Governor | None = None
     ) -> None:
         self._make_core, self.governor = make_core, governor
-        self._back_end = ThreadPoolExecutor(1, "farside-back-end", initializer=_leave_a_core)
+        self._back_end = ThreadPoolExecutor(1, "farside-back-end")
         self._front_end = ThreadPoolExecutor(render_workers, "farside-front-end")
         self._exports = ThreadPoolExecutor(1, "farside-export")
         self._tasks: list[asyncio.Task[None]] = []
@@ -236,13 +205,15 @@ class Live(AbstractAsyncContextManager["Live"]):
         self._drop_pending()
         for pool in (self._back_end, self._front_end, self._exports):
             await asyncio.to_thread(pool.shutdown, wait=True, cancel_futures=True)
+        for core in filter(None, (self._core, None if self.shown is self._core else self.shown)):
+            await asyncio.to_thread(core.close)
 
     async def open(self, source: Source) -> None:
         """A source announces its cameras; the same ones again go on with the same background model."""
         self._drop_pending()
         if self.source is None or self.source.cameras != source.cameras:
             loop = asyncio.get_running_loop()
-            self._core = await loop.run_in_executor(self._back_end, self._make_core, source)
+            self._core = await loop.run_in_executor(self._back_end, _made, self._make_core, source)
             self.shown, self._core_status = None, {}
             self._retune()
         self.source = source
@@ -279,7 +250,7 @@ class Live(AbstractAsyncContextManager["Live"]):
                 settled.cancel()  # only where a shutdown came in between
 
     async def _update(self, core: Core, source: Source, frame: Frame, settled: asyncio.Future[bool]) -> None:
-        viewers = _Newest(self._viewers)
+        viewers = Newest(lambda: {name: viewer.view for name, viewer in list(self._viewers.items())})
         speeds = {name: viewer.speed for name, viewer in self._viewers.items()}
         # The PBI lasts until the next one is ready: the attained rate counts, not the nominal one.
         core.f_vin = min(source.fps, self.frame_rate.per_second() or source.fps)
@@ -292,6 +263,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         except Exception as error:  # a boundary: whoever offered the frame is told, the service goes on
             _log.exception("frame %d could not be taken", frame.index)
             self.frames["failed"] += 1
+            self._give_up(core, error)
             if not settled.done():
                 settled.set_exception(error)
             return
@@ -320,9 +292,29 @@ class Live(AbstractAsyncContextManager["Live"]):
         finally:
             del self._viewers[name]
 
-    async def in_front_end(self, work: Callable[..., Any], *arguments: Any) -> Any:
-        """Run work in a render thread."""
-        return await asyncio.get_running_loop().run_in_executor(self._front_end, work, *arguments)
+    async def picture(
+        self, core: Core, view: StereoView, viewer: str, finish: Callable[[StereoPicture], bytes]
+    ) -> tuple[bytes, dict[str, float]]:
+        """A viewer's finished picture and milliseconds by stage, rendered in a render thread."""
+        loop = asyncio.get_running_loop()
+        try:
+            done: tuple[bytes, dict[str, float]] = await loop.run_in_executor(
+                self._front_end, _at, core, _picture, view, viewer, finish
+            )
+        except CoreLostError as error:
+            self._give_up(core, error)
+            raise
+        return done
+
+    def _give_up(self, core: Core, error: Exception) -> None:
+        """Where a core's process has ended, the next source to come gets another."""
+        if not isinstance(error, CoreLostError):
+            return
+        self._core_status = {"lost": str(error)}
+        if core is self._core:
+            self._core = self.source = None
+        if core is self.shown:
+            self.shown = None
 
     def rendered(self, viewer: str, stages: Mapping[str, float], start: float) -> None:
         """Account for a viewer's stereo picture that was asked for at a moment of the monotonic clock."""
@@ -347,7 +339,8 @@ class Live(AbstractAsyncContextManager["Live"]):
         if core is None:
             raise ValueError("mesh: there is none before the first frame: expected a source to be playing")
         loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._exports, lambda: convert(core.mesh()))
+        data: bytes = await loop.run_in_executor(self._exports, _at, core, _mesh, convert)
+        return data
 
     @property
     def viewer_count(self) -> int:
@@ -361,6 +354,7 @@ class Live(AbstractAsyncContextManager["Live"]):
             "source": source
             and {"name": source.name, "fps": source.fps, "cameras": [c.name for c in source.cameras]},
             "frames": dict(self.frames),
+            "updating": self._updates.since(math.inf),
             "rates": {"f_vin": self.frame_rate.per_second(), "f_ren": self.picture_rate.per_second()},
             "viewers": {name: viewer.status() for name, viewer in self._viewers.items()},
             "stages_ms": self.timings.summary(),
@@ -381,3 +375,30 @@ def _timed_update(
     report = core.update(frame, viewers, speeds)
     total = 1e3 * (time.perf_counter() - start)
     return {**report.stages, "total": total}, core.status()
+
+
+def _made(make: Callable[[Source], Core], source: Source) -> Core:
+    """A source's core; the thread that updates it, here or there, gives way to those that render."""
+    core = make(source)
+    _at(core, _give_way)
+    return core
+
+
+def _give_way(core: Core) -> None:
+    """A late frame is less noticed than a late picture."""
+    give_way()
+
+
+def _picture(
+    core: Core, view: StereoView, viewer: str, finish: Callable[[StereoPicture], bytes]
+) -> tuple[bytes, dict[str, float]]:
+    start = time.perf_counter()
+    picture = core.render(view, viewer)
+    rendered = time.perf_counter()
+    data = finish(picture)
+    encode, total = time.perf_counter() - rendered, time.perf_counter() - start
+    return data, picture.stages | {"encode": 1e3 * encode, "total": 1e3 * total}
+
+
+def _mesh(core: Core, convert: Callable[[ColouredMesh], bytes]) -> bytes:
+    return convert(core.mesh())

@@ -10,11 +10,15 @@ import contextlib
 import ctypes
 import os
 import sys
+import threading
 from pathlib import Path
 
 import numba
 
-__all__ = ["require_tbb", "set_thread_count", "thread_count"]
+__all__ = ["SWITCH_S", "give_way", "require_tbb", "set_thread_count", "thread_count"]
+
+SWITCH_S = 0.0003  # how long a thread may keep the interpreter while another wants it; Python's default is 5 ms
+_BEHIND = 10  # niceness: a thread that gives way gets a tenth of what one in front does
 
 
 def _load_tbb() -> None:
@@ -29,8 +33,11 @@ numba.config.THREADING_LAYER = "tbb"
 
 def thread_count() -> int:
     """How many threads a kernel started from this thread uses, and a ray tracing device at most."""
-    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(available, int(numba.get_num_threads()))
+    return min(_available(), int(numba.get_num_threads()))
+
+
+def _available() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def set_thread_count(count: int) -> None:
@@ -38,6 +45,18 @@ def set_thread_count(count: int) -> None:
     if not 1 <= count <= numba.config.NUMBA_NUM_THREADS:
         raise ValueError(f"threads: {count!r}: expected 1 to {numba.config.NUMBA_NUM_THREADS}")
     numba.set_num_threads(count)
+
+
+def give_way() -> None:
+    """What the calling thread computes from now on leaves a core to others, and cores that others want, too.
+
+    Linux only has priorities by thread, and threads that help a kernel keep theirs: with one core to be left of two,
+    there are none.
+    """
+    set_thread_count(max(1, min(_available(), numba.config.NUMBA_NUM_THREADS) - 1))
+    if sys.platform == "linux":
+        behind = min(os.getpriority(os.PRIO_PROCESS, os.getpid()) + _BEHIND, 19)
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), behind)
 
 
 @numba.njit(parallel=True)  # type: ignore[untyped-decorator]

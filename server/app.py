@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import uvicorn
+from farside.engine.apart import Apart
+from farside.engine.camera import Camera
 from farside.engine.live import Core, Live, Source
+from farside.engine.settings import Settings
 from fastapi import FastAPI, HTTPException, Request, Response, WebSocket
 from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
@@ -28,7 +31,7 @@ PAGE = Path(str(files("farside.server"))) / "page"
 
 
 def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | None = None) -> FastAPI:
-    """The application; `make_core` replaces the engine that a source's cameras create."""
+    """The application; `make_core` replaces the engine, in a process of its own, that a source's cameras create."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -46,14 +49,13 @@ def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | N
 
 
 def _engine_maker(settings: ServerSettings) -> Callable[[Source], Core]:
-    def make(source: Source) -> Core:
-        from farside.engine.engine import (
-            Engine,  # late: it takes seconds, and a server starts without a source
-        )
+    return lambda source: Apart(_make_engine, source.cameras, settings.engine(), f_vin=source.fps)
 
-        return Engine(source.cameras, settings.engine(), f_vin=source.fps)
 
-    return make
+def _make_engine(cameras: Sequence[Camera], settings: Settings) -> Core:
+    from farside.engine.engine import Engine  # late: only a process that renders needs it
+
+    return Engine(cameras, settings)
 
 
 def _add_http(app: FastAPI) -> None:

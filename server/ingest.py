@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import ipaddress
 import os
 import time
 from typing import NoReturn
 
+from farside.engine.apart import CoreLostError
 from farside.engine.back_buffer import BackBuffer, OrderError
 from farside.engine.frame import Frame
 from farside.engine.frame_buffers import FrameBuffer, FrameBuffers
@@ -32,12 +34,12 @@ async def serve_source(socket: WebSocket, service: Service) -> None:
         service.source_client = client
         try:
             await _open(service, hello)
-            ingest = _Ingest(service, socket, hello)
+            ingest = _Ingest(service, socket, client, hello)
             try:
                 await service.welcome(socket, client, ingest.memory)
                 await race(ingest.receive(), ingest.grant(), ingest.report())
             finally:
-                ingest.close()
+                await asyncio.to_thread(ingest.close)  # it takes a while to free gigabytes
         finally:
             service.source_client = None
 
@@ -56,12 +58,12 @@ class _Ingest:
     filled; the frames of another are put into them as they come.
     """
 
-    def __init__(self, service: Service, socket: WebSocket, hello: SourceHello) -> None:
+    def __init__(self, service: Service, socket: WebSocket, client: str, hello: SourceHello) -> None:
         self._live, self._socket = service.live, socket
         self._cameras = {camera.name: camera for camera in hello.cameras}
         self._back_buffer = BackBuffer(list(self._cameras))
         self._freed, self._granted_one = asyncio.Event(), asyncio.Event()
-        loop, name = asyncio.get_running_loop(), f"farside-{service.session}"
+        loop, name = asyncio.get_running_loop(), f"farside-{service.session}-{client}"
         self._buffers = FrameBuffers(hello.cameras, BUFFERS, name, lambda: _wake(loop, self._freed))
         self._granted: dict[int, FrameBuffer] = {}
         self._arriving: FrameBuffer | None = None
@@ -109,6 +111,7 @@ class _Ingest:
         except OrderError as error:
             raise ProtocolError(CloseCode.ORDER, error.field, error.value, error.expected) from error
         if frame is not None:
+            frame = dataclasses.replace(frame, lent=self._buffers.lent(self._arriving.number))
             self._arriving = None
             await self._credits.acquire()
             self._offer(frame)
@@ -133,9 +136,12 @@ class _Ingest:
         """Tell the source what became of its frames."""
         while True:
             index, settled = await self._settled.get()
-            if settled.cancelled() or settled.exception() is not None:
-                error = "cancelled" if settled.cancelled() else str(settled.exception())
-                raise ProtocolError(CloseCode.VALUE, f"frame {index}", error, "a frame that fits the engine")
+            error = None if settled.cancelled() else settled.exception()
+            if isinstance(error, CoreLostError):
+                raise error
+            if settled.cancelled() or error is not None:
+                said = str(error or "cancelled")
+                raise ProtocolError(CloseCode.VALUE, f"frame {index}", said, "a frame that fits the engine")
             await send(self._socket, FrameDone(index, "updated" if settled.result() else "dropped"))
             self._credits.release()
 

@@ -8,9 +8,10 @@ import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
+from farside.engine.threads import SWITCH_S
+
 __all__ = ["responsive"]
 
-_SWITCH_S = 0.0003  # how long a thread may keep the interpreter while another wants it; Python's default is 5 ms
 _FREEZE_AFTER = (1, 2, 4, 8, 16)  # frames: by then every kernel has been loaded
 
 
@@ -18,11 +19,14 @@ _FREEZE_AFTER = (1, 2, 4, 8, 16)  # frames: by then every kernel has been loaded
 async def responsive(frames: Callable[[], int]) -> AsyncIterator[None]:
     """Short turns at the interpreter, and a garbage collector that does not look through what start-up made.
 
-    A full collection looks at every object of the compiler and its kernels, 60 ms with everything else at a stop; after
-    a few `frames` these objects are set aside, and a collection takes less than one.
+    A full collection looks at every object of the modules, and of kernels where they are in this process, tens of
+    milliseconds with everything else at a stop. At once and after a few `frames` these objects are set aside; then a
+    collection takes less than one.
     """
     before = sys.getswitchinterval()
-    sys.setswitchinterval(_SWITCH_S)
+    sys.setswitchinterval(SWITCH_S)
+    gc.collect()
+    gc.freeze()
     freezing = asyncio.create_task(_set_aside(frames))
     try:
         yield

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from farside.engine.camera import Perspective, Pose
 from farside.engine.governor import Rung
 from farside.engine.live import HeadPose, LiveViewer, Source
@@ -38,7 +40,7 @@ async def serve_viewer(socket: WebSocket, service: Service) -> None:
         with service.live.viewer(client, _view_of(hello)) as viewer:
             await service.welcome(socket, client)
             pictures = viewer.run(
-                lambda wanted, picture: _finish(hello, viewer, service.rung, wanted, picture),
+                lambda wanted: partial(_finish, hello.encoding, service.rung, wanted.tag, viewer.dropped),
                 socket.send_bytes,
                 lambda source: send(socket, _scene(hello.axes, source)),
             )
@@ -64,18 +66,12 @@ async def _receive_poses(socket: WebSocket, viewer: LiveViewer[PoseUpdate], axes
         viewer.look(HeadPose(pose, update.time, update, velocity, update.seen))
 
 
-def _finish(
-    hello: ViewerHello,
-    viewer: LiveViewer[PoseUpdate],
-    rung: Rung,
-    wanted: HeadPose[PoseUpdate],
-    picture: StereoPicture,
-) -> bytes:
-    """The message of a picture; in the render thread."""
+def _finish(encoding: str, rung: Rung, pose: PoseUpdate, dropped: int, picture: StereoPicture) -> bytes:
+    """The message of a picture; done where the picture is."""
     left, right = (
-        encode_texture(eye.texture, hello.encoding, rung.settings.jpeg_quality) for eye in (picture.left, picture.right)
+        encode_texture(eye.texture, encoding, rung.settings.jpeg_quality) for eye in (picture.left, picture.right)
     )
-    pose, (height, width) = wanted.tag, picture.left.texture.y.shape
+    height, width = picture.left.texture.y.shape
     return encode(
         Stereo(
             pose.seq,
@@ -89,7 +85,7 @@ def _finish(
             right,
             picture.stages,
             picture.holes,
-            viewer.dropped,
+            dropped,
             rung.name,
         )
     )

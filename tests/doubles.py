@@ -99,6 +99,7 @@ class FakeCore:
     bad_frames: set[int] = field(default_factory=set)
     fail_render: bool = False
     settings: Settings | None = None
+    closed: bool = False
     updating: Gate = field(default_factory=Gate)
     rendering: Gate = field(default_factory=Gate)
 
@@ -128,3 +129,6 @@ class FakeCore:
 
     def status(self) -> dict[str, Any]:
         return {"frame_index": self.updates[-1]}
+
+    def close(self) -> None:
+        self.closed = True

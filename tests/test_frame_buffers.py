@@ -72,8 +72,14 @@ def test_what_is_in_use_outlives_the_buffers_and_tells_nobody():
     taken.planes["v0"].codes[:] = 5
     assert (taken.planes["v0"].codes == 5).all()
     assert buffers.take() is None
+    lent = buffers.lent(taken.number)
+    assert (open_buffer(*lent, CAMERAS)["v0"].codes == 5).all()
+    with pytest.raises(OSError, match=r"expected farside-test|No such file"):
+        open_buffer(*buffers.lent(1 - taken.number), CAMERAS)
     del taken
     gc.collect()
+    with pytest.raises(OSError, match=r"expected farside-test|No such file"):
+        open_buffer(*lent, CAMERAS)
     assert not freed
 
 

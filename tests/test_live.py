@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import threading
 import time
 from collections.abc import Awaitable, Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from doubles import CAMERAS, HANG_S, FakeCore, a_frame, a_view
+from farside.engine.apart import CoreLostError
 from farside.engine.back_buffer import BackBuffer, OrderError
 from farside.engine.camera import Camera, Pose
 from farside.engine.live import HeadPose, Live, LiveViewer, Source
@@ -41,8 +45,8 @@ class Screen:
         self.ready = asyncio.Event()
         self.ready.set()
 
-    def finish(self, wanted: HeadPose[int], picture: StereoPicture) -> bytes:
-        return bytes([wanted.tag, picture.frame_index])
+    def finish(self, wanted: HeadPose[int]) -> Callable[[StereoPicture], bytes]:
+        return lambda picture: bytes([wanted.tag, picture.frame_index])
 
     async def send(self, data: bytes) -> None:
         await self.ready.wait()
@@ -173,6 +177,68 @@ def test_cameras_that_no_core_takes_leave_the_old_one_at_work() -> None:
             assert live.shown is core
 
     run(scenario)
+
+
+def test_a_core_whose_process_has_ended_is_told_of_and_the_next_source_gets_another() -> None:
+    def lose(*asked: object) -> None:
+        raise CoreLostError("the engine's process ended by SIGKILL")
+
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            for ask in ("update", "render"):
+                await live.open(SOURCE)
+                await live.offer(a_frame(0))
+                core = live.shown
+                setattr(core, ask, lose)
+                with live.viewer("a", VIEW) as viewer:
+                    look(viewer, 1)
+                    asked = live.offer(a_frame(1)) if ask == "update" else Screen().watch(viewer)
+                    with pytest.raises(CoreLostError, match="by SIGKILL"):
+                        await asked
+                assert live.status()["engine"] == {"lost": "the engine's process ended by SIGKILL"}
+                with pytest.raises(RuntimeError, match="no source was opened"):
+                    live.offer(a_frame(2))
+                await live.open(SOURCE)
+                assert live.status()["engine"] == {}
+                assert await live.offer(a_frame(0))
+                assert live.shown is not core
+                await live.open(Source("other", 25.0, CAMERAS[:1]))
+
+    run(scenario)
+
+
+def test_the_back_end_gives_way_and_cores_are_closed_in_the_end() -> None:
+    niceness: list[int] = []
+
+    class Nice(FakeCore):
+        def update(self, *given: Any) -> Any:
+            niceness.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+            return super().update(*given)
+
+        def render(self, *given: Any) -> Any:
+            niceness.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+            return super().render(*given)
+
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(Nice) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            shown = live.shown
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+                look(viewer, 1)
+                await until(lambda: bool(screen.seen))
+                watching.cancel()
+            await live.open(Source("other", 25.0, CAMERAS[:1]))
+            core = live._core
+        assert isinstance(shown, Nice)
+        assert isinstance(core, Nice)
+        assert core.closed
+
+    run(scenario)
+    usual = os.getpriority(os.PRIO_PROCESS, os.getpid())
+    assert niceness == [min(usual + 10, 19), usual]
 
 
 # Viewers

@@ -21,6 +21,7 @@ import trimesh
 from doubles import CAMERAS, FakeCore, a_view
 from farside.clients.connection import Peer, RefusedError, base_url, connect, persist
 from farside.clients.serve import listen, server_settings
+from farside.engine.apart import CoreLostError
 from farside.engine.camera import Pose
 from farside.engine.frame import Frame
 from farside.engine.frame_buffers import Planes, open_buffer
@@ -459,6 +460,27 @@ def test_a_renderer_that_breaks_is_told_to_its_viewer(url: str, cores: Cores) ->
             with pytest.raises(ConnectionError, match=r"RuntimeError: the renderer broke.*code 4500"):
                 await picture(viewer, 0)
             assert await send_frame(source, 1) == FrameDone(1, "updated")
+
+    run(scenario)
+
+
+def test_an_engine_that_is_lost_is_told_to_its_clients_and_replaced(url: str, cores: Cores) -> None:
+    def lose(*asked: object) -> None:
+        raise CoreLostError("the engine's process ended by SIGKILL")
+
+    async def scenario() -> None:
+        for ask in ("update", "render"):
+            async with connect(url, SOURCE) as (source, _), connect(url, VIEWER) as (viewer, _):
+                await send_frame(source, 0)
+                setattr(cores.made[-1], ask, lose)
+                with pytest.raises(ConnectionError, match=r"CoreLostError: the engine's process ended by S.*code 4500"):
+                    await (send_frame(source, 1) if ask == "update" else picture(viewer, 0))
+                assert status(url)["engine"] == {"lost": "the engine's process ended by SIGKILL"}
+                made = len(cores.made)
+        async with connect(url, SOURCE) as (source, _), connect(url, VIEWER) as (viewer, _):
+            assert len(cores.made) == made + 1
+            await send_frame(source, 0)
+            assert (await picture(viewer, 0)).frame == 0
 
     run(scenario)
 
