@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 
 import pytest
 from farside.clients import bench
@@ -61,8 +62,25 @@ def test_the_command_prints_them(folder, figures, monkeypatch, capsys):
     bench.command(live=folder, fps=5.0, seconds=2.0, quality="fast", size="64x48")
     assert asked == [(folder, 5.0, 2.0, "fast", SIZE)]
     printed = capsys.readouterr().out
-    for said in ("10 views of 62x62", "longest event-loop stall", "a frame is 0.192 MB", "MB resident"):
+    for said in ("10 views of 62x62", "longest event-loop stall", "wanted", "a frame is 0.192 MB", "MB resident"):
         assert said in printed
+
+
+def test_a_pause_is_what_an_update_adds_to_a_picture(figures):
+    playing, still = figures
+    longest = {"longest_picture_during_update_ms": 31.0}
+    playing = dataclasses.replace(playing, status=playing.status | {"pictures": longest})
+    still = dataclasses.replace(still, status=still.status | {"stages_ms": {"picture": {"p50": 12.5}}})
+    assert live.pause_ms(playing, still) == 18.5
+
+
+def test_memory_that_processes_share_is_counted_once():
+    own = live.Usage.of(os.getpid())
+    twice = live.Usage.of(os.getpid(), os.getpid())
+    assert own.cpu_s > 0
+    shared = 2 * own.resident_mb - twice.resident_mb
+    assert 0 <= shared < own.resident_mb
+    assert twice.peak_mb == pytest.approx(2 * own.peak_mb - shared, abs=1)
 
 
 def test_a_server_that_cannot_start_is_told(folder):

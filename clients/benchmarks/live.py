@@ -27,11 +27,12 @@ from rich.table import Table
 from ..connection import persist
 from ..headset import Headset
 
-__all__ = ["LiveFigures", "measure_live", "show_live"]
+__all__ = ["LiveFigures", "measure_live", "pause_ms", "show_live"]
 
 _HANG_S = 600.0  # the first run compiles every kernel
 _WARM_UPDATES = 4  # with a viewer: what the first ones do is done once
 _POSE_RATE = 72.0
+_LONGEST_STALL_MS, _LONGEST_PAUSE_MS = 5, 10  # that are wanted
 _STALLS = {
     "stall": "longest event-loop stall",
     "own_stall": "without waiting for a core",
@@ -41,20 +42,24 @@ _STALLS = {
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """What a process has used: seconds of a core, and megabytes resident, now and at most."""
+    """What processes have used: seconds of a core, and megabytes resident, now and at most, shared memory once."""
 
     cpu_s: float
     resident_mb: float
     peak_mb: float
 
     @classmethod
-    def of(cls, pid: int) -> Usage:
+    def of(cls, *pids: int) -> Usage:
         """As Linux tells."""
-        process = Path("/proc") / str(pid)
-        times = (process / "stat").read_text().rpartition(")")[2].split()[11:13]
-        memory = dict(re.findall(r"(Vm\w+):\s+(\d+) kB", (process / "status").read_text()))
-        cpu = sum(map(int, times)) / os.sysconf("SC_CLK_TCK")
-        return cls(cpu, int(memory["VmRSS"]) / 1024, int(memory["VmHWM"]) / 1024)
+        processes = [Path("/proc") / str(pid) for pid in pids]
+        times = [(process / "stat").read_text().rpartition(")")[2].split()[11:13] for process in processes]
+        told = [re.findall(r"(\w+):\s+(\d+) kB", (process / "status").read_text()) for process in processes]
+        memory = [{name: int(value) for name, value in found} for found in told]
+        shared = [used["RssShmem"] for used in memory]
+        twice = sum(shared) - max(shared)
+        resident, peak = (sum(used[name] for used in memory) - twice for name in ("VmRSS", "VmHWM"))
+        cpu = sum(int(ticks) for pair in times for ticks in pair) / os.sysconf("SC_CLK_TCK")
+        return cls(cpu, resident / 1024, peak / 1024)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +71,7 @@ class LiveFigures:
     frames: dict[str, int]  # by outcome
     motion_to_photon: tuple[float, float, float]  # pose sent to picture received: p50, p95, p99
     picture_bytes: float  # of a pair
-    cores: tuple[float, float, float]  # of the server, of its event loop, of the replay
+    cores: tuple[float, float, float]  # of server and engine, of its event loop, of the replay
     server: Usage
     status: dict[str, Any]  # the server's, at the end; the longest stalls and pictures of this part only
 
@@ -90,11 +95,29 @@ def show_live(folder: Path, fps: float | None, seconds: float, quality: str, siz
         table.add_row(name[0], name[1], values[0][1])
     console = Console(width=120)
     console.print(table)
-    pause = playing.status["pictures"]["longest_picture_during_update_ms"] - still.status["stages_ms"]["picture"]["p50"]
+    console.print(_judged(playing, still))
     console.print(
-        f"a frame is {frame_bytes / 1e6:.3g} MB; longest picture during an update, beyond a median without: "
-        f"{pause:.0f} ms\nserver: {playing.server.resident_mb:.0f} MB resident, at most {playing.server.peak_mb:.0f} MB"
+        f"a frame is {frame_bytes / 1e6:.3g} MB; server and engine: {playing.server.resident_mb:.0f} MB resident, "
+        f"at most {playing.server.peak_mb:.0f} MB"
     )
+
+
+def pause_ms(playing: LiveFigures, still: LiveFigures) -> float:
+    """How much longer than a median picture without an update the longest during one took."""
+    pictures, without = playing.status["pictures"], still.status["stages_ms"].get("picture", {"p50": math.nan})
+    return float(pictures["longest_picture_during_update_ms"] - without["p50"])
+
+
+def _judged(playing: LiveFigures, still: LiveFigures) -> Table:
+    """What was measured beside what is wanted."""
+    table = Table("while video plays", "ms", "wanted, at most")
+    stalls = playing.status["event_loop"]
+    measured = {name: stalls[f"longest_{kind}_ms"] for kind, name in _STALLS.items()}
+    for name, value in measured.items():
+        table.add_row(name, f"{value:.1f}", f"{_LONGEST_STALL_MS:g}")
+    pause = pause_ms(playing, still)
+    table.add_row("longest picture during an update, beyond a median without", f"{pause:.1f}", f"{_LONGEST_PAUSE_MS:g}")
+    return table
 
 
 def _rows(figures: LiveFigures) -> Iterator[tuple[str, str]]:
@@ -113,7 +136,7 @@ def _rows(figures: LiveFigures) -> Iterator[tuple[str, str]]:
         yield f"{name.replace('_', ' ')}: median, longest, ms", f"{median:.0f}, {longest:.0f}"
     for name in ("ingest", "update.total"):
         yield f"{name}, median, ms", f"{status['stages_ms'].get(name, {'p50': math.nan})['p50']:.0f}"
-    yield "cores of server, its event loop, replay", " ".join(f"{cores:.3f}" for cores in figures.cores)
+    yield "cores of server and engine, event loop, replay", " ".join(f"{cores:.3f}" for cores in figures.cores)
 
 
 def measure_live(
@@ -132,6 +155,8 @@ def measure_live(
         playing = _measure(url, seconds, size, server, replay)
         replay.terminate()
         replay.wait(_HANG_S)
+        while _status(url)["updating"]:
+            time.sleep(0.2)
         still = _measure(url, seconds / 2, size, server, None)
     return playing, still
 
@@ -202,11 +227,13 @@ def _measure(
     server: subprocess.Popen[str], replay: subprocess.Popen[str] | None,
 ) -> LiveFigures:  # fmt: skip
     start = time.monotonic()
-    before, used = _status(url), Usage.of(server.pid)
+    before = _status(url)
+    processes = server.pid, before["engine"]["pid"]
+    used = Usage.of(*processes)
     replay_used = Usage.of(replay.pid).cpu_s if replay else 0.0
     headset = asyncio.run(_watch(url, seconds, size))
     elapsed = time.monotonic() - start
-    status, now = _status(url, elapsed), Usage.of(server.pid)
+    status, now = _status(url, elapsed), Usage.of(*processes)
     if not headset.frames:
         raise RuntimeError("live: the headset received no picture")
     looping = status["event_loop"]["loop_busy_s"] - before["event_loop"]["loop_busy_s"]
