@@ -160,11 +160,12 @@ def _by_block(left: Floats, right: Floats) -> Floats:
 
 @numba.njit(forceinline=True, cache=True, error_model="numpy")
 def _sum(seen: int, k: int, field: int) -> Floats:
-    """Of each block in view k, a field's sum by the pixels' shares."""
+    """Of each block in view k, a field's sum by the pixels' shares; what has none may be anything, even no number."""
     total = spread(0.0)
     for part in range(0, _PARTS, 2):
         left, right = _field(seen, k, part, _SHARE), _field(seen, k, part + 1, _SHARE)
-        total += _by_block(left * _field(seen, k, part, field), right * _field(seen, k, part + 1, field))
+        of_left = select(left > 0.0, left * _field(seen, k, part, field), 0.0)
+        total += _by_block(of_left, select(right > 0.0, right * _field(seen, k, part + 1, field), 0.0))
     return total
 
 
