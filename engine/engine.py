@@ -83,6 +83,10 @@ class Engine:
         self.cameras = tuple(cameras)
         if not self.cameras:
             raise ValueError("cameras: none: expected at least one source camera")
+        for camera in self.cameras:
+            if min(camera.width, camera.height) < 4:
+                size = f"{camera.width} x {camera.height}"
+                raise ValueError(f"camera {camera.name}: {size} pixels: expected at least 4 x 4")
         self.settings = settings or Settings()
         self.f_vin = f_vin
         self._scene: Scene | None = None
@@ -263,7 +267,7 @@ class Engine:
             return None
         target = self._target(viewer, front.scene)
         cameras = [prepared.view.camera for prepared in front.views]
-        return to_picture(front.tones, view_shares(target, cameras, front.scene.depths[:2]))
+        return to_picture(front.tones, view_shares(target, cameras, front.scene.depths_for(target)))
 
     def _backdrop(
         self, viewer: Viewer, speed: float, scene: Scene, views: Sequence[PreparedView], present: ViewTable
@@ -277,6 +281,7 @@ class Engine:
         else:
             camera = imaginary_camera(viewer, speed, self.f_vin, scene.coding, scale, margin)
             moves += 0.5 * viewer.ipd
+        camera = dataclasses.replace(camera, depth=scene.coding_at(camera.pose.position))
         behind = math.dist(camera.pose.position, viewer.pose.position)
         chosen = [views[k] for k in self._select(viewer, views, scene, settings)[:_STEADY_VIEWS]]
         wanted = uncovered_cells(camera, chosen, behind + moves, scene.origin)
@@ -288,7 +293,8 @@ class Engine:
 
     def _select(self, viewer: Viewer, views: Sequence[PreparedView], scene: Scene, settings: Settings) -> list[int]:
         cameras = [prepared.view.camera for prepared in views]
-        return select_views(self._target(viewer, scene), cameras, settings.n_render, scene.depths[:2])
+        target = self._target(viewer, scene)
+        return select_views(target, cameras, settings.n_render, scene.depths_for(target))
 
     @staticmethod
     def _target(viewer: Viewer, scene: Scene) -> Camera:
@@ -307,7 +313,8 @@ class Engine:
         with self._canvas(camera) as canvas:
             with timed(report.stages, "warp"):
                 canvas.clear()
-                report.warped = self._draw_views(canvas, views, target, near, front.settings)
+                shrink = front.scene.disparity_shrink(camera)
+                report.warped = self._draw_views(canvas, views, target, near, front.settings, shrink)
                 report.holes_warped = report.holes_backdrop = hole_fraction(canvas.disparity)
             with timed(report.stages, "backdrop"):
                 if backdrop is not None:
@@ -344,12 +351,12 @@ class Engine:
 
     @staticmethod
     def _draw_views(
-        canvas: Canvas, views: Sequence[PreparedView], target: Target, near: float, settings: Settings
+        canvas: Canvas, views: Sequence[PreparedView], target: Target, near: float, settings: Settings, shrink: float
     ) -> int:
-        """Draw views in order of worth; returns the number of triangles."""
+        """Draw views in order of worth; returns the number of triangles. `shrink`: see `Scene.disparity_shrink`."""
         warped = 0
         for number, prepared in enumerate(views):
-            margin = 2 * prepared.options.tolerance + prepared.view.camera.depth.step
+            margin = (2 * prepared.options.tolerance + prepared.view.camera.depth.step) * shrink
             warped += canvas.draw(prepared.mesh(), target, number, near, margin)
         # Depth that was not measured may be anywhere: it goes only where no view has measured a surface. So does the
         # half pixel round everything that is known less well.
@@ -377,7 +384,8 @@ class Engine:
         target, near = Target(double, front.scene.origin), _NEAR * front.scene.coding.near
         with self._canvas(double) as fine:
             fine.clear(canvas.silhouettes(step))
-            self._draw_views(fine, [front.views[k] for k in chosen], target, near, front.settings)
+            shrink = front.scene.disparity_shrink(camera)
+            self._draw_views(fine, [front.views[k] for k in chosen], target, near, front.settings, shrink)
             if backdrop is not None:
                 self._draw_backdrop(fine, backdrop, front, chosen, target)
             self._shade(fine, target, table, len(chosen), front.settings)

@@ -112,4 +112,4 @@ def _frustum(fx: float, fy: float, left: float, right: float, top: float, bottom
 
 
 def _even(size: float) -> int:
-    return max(2, 2 * math.ceil(size / 2))
+    return max(4, 2 * math.ceil(size / 2))  # what views have at least

@@ -34,6 +34,12 @@ def pixels_per_radian(camera: Camera) -> float:
     return min(p.width / (p.hor_range[1] - p.hor_range[0]), p.height / (p.ver_range[1] - p.ver_range[0]))
 
 
+def _coarser_axis(camera: Camera) -> float:
+    """Pixels a radian along the axis that has fewer: views are reduced both ways alike."""
+    p = camera.projection
+    return min(abs(p.fx), abs(p.fy)) if isinstance(p, Perspective) else pixels_per_radian(camera)
+
+
 @dataclass
 class PreparedView:
     """A view with what warping needs of it; its meshes are made when first asked for, by one thread.
@@ -167,17 +173,17 @@ class ViewTable:
         self, views: Sequence[PreparedView], tones: npt.NDArray[np.float64] | None = None, *, drawn: int = 0
     ) -> None:
         self.views = tuple(views)
-        self.rows = np.stack([view.table_row for view in views])
+        self.rows = np.array([view.table_row for view in views]).reshape(-1, view_table.TABLE_SIZE)
         if tones is not None:
             self.rows[:, view_table.TONE :] = tones
-        planes = [view.addresses(measured=k >= drawn) for k, view in enumerate(views)]
         cuts = [view.cuts.ctypes.data if k < drawn else 0 for k, view in enumerate(views)]
-        self.addresses = np.column_stack([planes, np.array(cuts, np.int64)])
+        planes = [[*view.addresses(measured=k >= drawn), cuts[k]] for k, view in enumerate(views)]
+        self.addresses = np.array(planes, np.int64).reshape(-1, 5)
         self._drawn = drawn
 
     def at(self, resolution: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
         """Rows and addresses with the drawn views at the size nearest to a picture's with so many pixels a radian."""
-        wanted = [level_for(row[view_table.SHARPNESS] / resolution) for row in self.rows[: self._drawn]]
+        wanted = [level_for(_coarser_axis(view.view.camera) / resolution) for view in self.views[: self._drawn]]
         if not any(wanted):
             return self.rows, self.addresses
         rows, addresses = self.rows.copy(), self.addresses.copy()

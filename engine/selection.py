@@ -14,7 +14,9 @@ from .kernels.project import PERSPECTIVE
 
 __all__ = ["select_views", "view_shares"]
 
-_GRID = 8  # sample rays across and down the virtual picture
+_GRID = 8  # sample rays across and down a picture
+# Where cameras see less than this share of the samples, others are taken from what they see, this many about.
+_FEW, _MOST = 0.25, 512
 _ANGLE = 0.1  # radians between two cameras' rays to a point at which a view has lost half its worth
 _NEAREST = 0.005  # radians below which a view does not come nearer
 
@@ -24,9 +26,10 @@ FloatArray = npt.NDArray[np.float64]
 def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: Sequence[float]) -> list[int]:
     """Indices of at most `count` cameras for rendering `target`, the most useful first.
 
-    Sample points are put on the target's rays at the given scene depths (metres). A camera is worth more to a
-    point that it sees from a direction near the target's; cameras are taken greedily so that every point is seen
-    well, and then by a second camera: what one view hides another shows. Cameras that see no sample are left out.
+    Sample points are put on the target's rays at the given scene depths (metres); where cameras see few of them, from
+    far away or in a very wide picture, on the cameras' own. A camera is worth more to a point that it sees from a
+    direction near the target's; cameras are taken greedily so that every point is seen well, and then by a second
+    camera: what one view hides another shows. Cameras that see no sample are left out.
     """
     worth = _worth(target, cameras, depths)
     chosen: list[int] = []
@@ -70,17 +73,25 @@ def _seen(
     target: Camera, cameras: tuple[Camera, ...], depths: tuple[float, ...]
 ) -> tuple[npt.NDArray[np.bool_], FloatArray]:
     """Which cameras see points on the target's rays, and the angle between both rays, radians [cameras, samples]."""
-    steps = (np.arange(_GRID) + 0.5) / _GRID
-    u, v = np.meshgrid(steps * target.width, steps * target.height)
-    uv = np.stack([u.ravel(), v.ravel()], axis=-1)
-    points = np.concatenate([target.unproject(uv, np.full(len(uv), depth)) for depth in depths])
-    packed = _packed(cameras)
-    to_points = points - packed[:, None, 16:19]  # [cameras, samples, 3]
-    inside = _inside(packed, to_points)
-    from_target = points - np.asarray(target.pose.position)
+    points, packed = _on_rays(target, depths), _packed(cameras)
+    inside = _inside(packed, points - packed[:, None, 16:19])
+    if inside.any(axis=0).mean() < _FEW:
+        points = np.concatenate([_on_rays(camera, depths) for camera in cameras])
+        points = points[_inside(target.packed()[None], (points - target.pose.position)[None])[0]]
+        points = points[:: max(1, len(points) // _MOST)]
+        inside = _inside(packed, points - packed[:, None, 16:19])
+    to_points, from_target = points - packed[:, None, 16:19], points - np.asarray(target.pose.position)
     lengths = np.linalg.norm(from_target, axis=-1) * np.linalg.norm(to_points, axis=-1)
     cosine = np.einsum("csk,sk->cs", to_points, from_target) / np.maximum(lengths, 1e-300)
     return inside, np.arccos(np.clip(cosine, -1.0, 1.0))
+
+
+def _on_rays(camera: Camera, depths: Sequence[float]) -> FloatArray:  # [samples, 3]
+    """World points on a grid of a camera's rays."""
+    steps = (np.arange(_GRID) + 0.5) / _GRID
+    u, v = np.meshgrid(steps * camera.width, steps * camera.height)
+    uv = np.stack([u.ravel(), v.ravel()], axis=-1)
+    return np.concatenate([camera.unproject(uv, np.full(len(uv), depth)) for depth in depths])
 
 
 @lru_cache(maxsize=8)

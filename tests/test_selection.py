@@ -39,7 +39,15 @@ def test_cameras_that_see_nothing_of_the_picture_are_left_out():
     away = camera(0.0, 0.0, yaw=math.pi)  # at the target's place, but it looks the other way
     beyond = camera(30.0, 0.0)
     assert select_views(ROW[0], [away, ROW[1], beyond, ROW[2]], 4, DEPTHS) == [1, 3]
-    assert select_views(ROW[0], [away, beyond], 2, DEPTHS) == []
+    assert select_views(ROW[0], [away], 2, DEPTHS) == []
+
+
+def test_where_the_pictures_rays_meet_nothing_what_the_cameras_see_counts():
+    wide = camera(0.0, 0.5, projection=Perspective.from_fov(64, 48, 3.1))  # all that they see is within three pixels
+    chosen = select_views(wide, [camera(0.0, 0.0, yaw=math.pi), *ROW], 3, DEPTHS)
+    assert len(chosen) == 3
+    assert 0 not in chosen
+    assert select_views(ROW[0], [camera(30.0, 0.0)], 2, DEPTHS) == [0]  # far ahead, where no rays were sampled
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 7, 20])
