@@ -96,6 +96,9 @@ def command(
     scaling: Annotated[
         str | None, typer.Option(metavar="NAME", help="Cost of a pair over pixels out and pixels in, on a twin.")
     ] = None,
+    extremes: Annotated[
+        bool, typer.Option("--extremes", help="Errors against oracles at the extremes of every number; 1 if any fails.")
+    ] = False,
     scale: Annotated[float, typer.Option(help="Size of a twin's pictures.")] = 0.25,
     frames: Annotated[
         int | None,
@@ -116,10 +119,10 @@ def command(
         "--sparse": sparse, "--backdrop": backdrop, "--exposure": exposure, "--minified": minified, "--fill": fill,
         "--flicker": flicker, "--live": live, "--stages": stages, "--targets": targets, "--scaling": scaling,
     }  # fmt: skip
-    if not (accuracy or trade) and all(chosen is None for chosen in wishes.values()):
+    if not (accuracy or trade or extremes) and all(chosen is None for chosen in wishes.values()):
         raise ValueError(
-            f"bench: nothing to measure: expected --accuracy, --trade or one of {', '.join(wishes)}, with what to "
-            "measure it on"
+            "bench: nothing to measure: expected --accuracy, --trade, --extremes or one of "
+            f"{', '.join(wishes)}, with what to measure it on"
         )
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
@@ -132,6 +135,10 @@ def command(
         from .benchmarks.trade import show_trade
 
         show_trade(folders or [], twins, scale, Plan(frames or 12, every or 4), report)
+    if extremes:
+        from .benchmarks.extremes import show_extremes
+
+        show_extremes(report)
     if stages is not None:
         from farside.engine.settings import Settings
 

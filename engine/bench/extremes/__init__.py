@@ -1,0 +1,14 @@
+"""Numerical stability at the extremes: one table of cases that the benchmark prints and the tests run."""
+
+from __future__ import annotations
+
+from .cameras import camera_cases
+from .case import Case, Row, run
+from .moved import moved_cases
+
+__all__ = ["Case", "Row", "all_cases", "run"]
+
+
+def all_cases() -> list[Case]:
+    """Every case, in the order of the table."""
+    return [*moved_cases(), *camera_cases()]

@@ -1,0 +1,47 @@
+"""Numerical extremes: the very cases of `farside bench --extremes`, and how a row is judged."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from farside.engine.bench.extremes import all_cases, run
+from farside.engine.bench.extremes.case import Case, Measured
+
+CASES = all_cases()
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
+def test_extreme(case):
+    row = run(case)
+    assert row.verdict == ("limit" if case.refused else "holds"), (row.measured, row.said)
+
+
+def raising(error):
+    def measure():
+        raise error
+
+    return measure
+
+
+@pytest.mark.parametrize(
+    ("measure", "refused", "verdict"),
+    [
+        (lambda: [Measured(1.0, 1.0, "m"), Measured(0.0, 0.0, "m")], "", "holds"),
+        (lambda: [Measured(0.1, 1.0, "m"), Measured(1.1, 1.0, "m")], "", "fails"),
+        (lambda: [Measured(1e-9, 0.0, "m")], "", "fails"),
+        (lambda: [Measured(math.nan, 1.0, "m")], "", "fails"),
+        (lambda: [Measured(1.0, math.nan, "m")], "", "fails"),
+        (lambda: [Measured(0.0, 1.0, "m")], "expected more", "fails"),
+        (raising(ValueError("size: expected more")), "expected more", "limit"),
+        (raising(ValueError("size: expected less")), "expected more", "fails"),
+        (raising(ZeroDivisionError("expected more")), "expected more", "fails"),
+        (raising(ValueError("size: expected more")), "", "fails"),
+    ],
+)
+def test_a_row_holds_only_within_its_bound_or_where_it_is_refused_as_documented(measure, refused, verdict):
+    assert run(Case("group", "value", measure, refused)).verdict == verdict
+
+
+def test_no_two_rows_have_one_name():
+    assert len({case.name for case in CASES}) == len(CASES)
