@@ -65,6 +65,10 @@ def command(
         float | None,
         typer.Option(help="Hold this many pairs a second: quality changes with the load, up to --quality at best."),
     ] = None,
+    longest_update_s: Annotated[
+        float | None,
+        typer.Option(help="Updates of the background take what pictures leave, until one takes longer (default 5)."),
+    ] = None,
     max_viewers: Annotated[int | None, typer.Option(help="Viewers at a time.")] = None,
     log_level: Annotated[str | None, typer.Option(help="warning, info, debug ...")] = None,
 ) -> None:
@@ -82,6 +86,7 @@ def command(
         jpeg_quality=jpeg_quality,
         background=background,
         target_fps=target_fps,
+        longest_update_s=longest_update_s,
         max_viewers=max_viewers,
         log_level=log_level,
     )

@@ -24,6 +24,7 @@ from .export_mesh import ColouredMesh
 from .frame import Frame
 from .governor import Governor
 from .newest import Newest
+from .patience import FIRM, GENTLE, Patience
 from .settings import Settings
 from .stereo import StereoPicture, StereoView
 from .threads import give_way
@@ -170,10 +171,17 @@ class Live(AbstractAsyncContextManager["Live"]):
     """Owns the core, its threads and its tasks; used as an async context manager."""
 
     def __init__(
-        self, make_core: Callable[[Source], Core], *, render_workers: int = 2, governor: Governor | None = None
+        self,
+        make_core: Callable[[Source], Core],
+        *,
+        render_workers: int = 2,
+        governor: Governor | None = None,
+        patience: Patience | None = None,
     ) -> None:
         self._make_core, self.governor = make_core, governor
-        self._back_end = ThreadPoolExecutor(1, "farside-back-end")
+        self._patience = patience or Patience()
+        # One of them works at a time; a thread that has given way cannot take it back.
+        self._back_ends = {niceness: ThreadPoolExecutor(1, "farside-back-end") for niceness in (GENTLE, FIRM)}
         self._front_end = ThreadPoolExecutor(render_workers, "farside-front-end")
         self._exports = ThreadPoolExecutor(1, "farside-export")
         self._tasks: list[asyncio.Task[None]] = []
@@ -203,7 +211,7 @@ class Live(AbstractAsyncContextManager["Live"]):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self._drop_pending()
-        for pool in (self._back_end, self._front_end, self._exports):
+        for pool in (*self._back_ends.values(), self._front_end, self._exports):
             await asyncio.to_thread(pool.shutdown, wait=True, cancel_futures=True)
         for core in filter(None, (self._core, None if self.shown is self._core else self.shown)):
             await asyncio.to_thread(core.close)
@@ -213,7 +221,10 @@ class Live(AbstractAsyncContextManager["Live"]):
         self._drop_pending()
         if self.source is None or self.source.cameras != source.cameras:
             loop = asyncio.get_running_loop()
-            self._core = await loop.run_in_executor(self._back_end, _made, self._make_core, source)
+            core = await asyncio.to_thread(self._make_core, source)
+            for niceness, thread in self._back_ends.items():
+                await loop.run_in_executor(thread, _at, core, _give_way, niceness)
+            self._core = core
             self.shown, self._core_status = None, {}
             self._retune()
         self.source = source
@@ -254,11 +265,11 @@ class Live(AbstractAsyncContextManager["Live"]):
         speeds = {name: viewer.speed for name, viewer in self._viewers.items()}
         # The PBI lasts until the next one is ready: the attained rate counts, not the nominal one.
         core.f_vin = min(source.fps, self.frame_rate.per_second() or source.fps)
-        loop = asyncio.get_running_loop()
+        loop, start, first = asyncio.get_running_loop(), time.monotonic(), self.shown is not core
         try:
             with self._updates.running():
                 stages, status = await loop.run_in_executor(
-                    self._back_end, _timed_update, core, frame, viewers, speeds
+                    self._back_ends[self._patience.niceness], _timed_update, core, frame, viewers, speeds
                 )
         except Exception as error:  # a boundary: whoever offered the frame is told, the service goes on
             _log.exception("frame %d could not be taken", frame.index)
@@ -267,6 +278,8 @@ class Live(AbstractAsyncContextManager["Live"]):
             if not settled.done():
                 settled.set_exception(error)
             return
+        if not first:
+            self._patience.observe(time.monotonic() - start)
         self.timings.add(stages, "update.")
         self.frames["updated"] += 1
         self.frame_rate.count()
@@ -355,6 +368,7 @@ class Live(AbstractAsyncContextManager["Live"]):
             and {"name": source.name, "fps": source.fps, "cameras": [c.name for c in source.cameras]},
             "frames": dict(self.frames),
             "updating": self._updates.since(math.inf),
+            "update_niceness": self._patience.niceness,
             "rates": {"f_vin": self.frame_rate.per_second(), "f_ren": self.picture_rate.per_second()},
             "viewers": {name: viewer.status() for name, viewer in self._viewers.items()},
             "stages_ms": self.timings.summary(),
@@ -377,16 +391,9 @@ def _timed_update(
     return {**report.stages, "total": total}, core.status()
 
 
-def _made(make: Callable[[Source], Core], source: Source) -> Core:
-    """A source's core; the thread that updates it, here or there, gives way to those that render."""
-    core = make(source)
-    _at(core, _give_way)
-    return core
-
-
-def _give_way(core: Core) -> None:
+def _give_way(core: Core, niceness: int) -> None:
     """A late frame is less noticed than a late picture."""
-    give_way()
+    give_way(niceness)
 
 
 def _picture(

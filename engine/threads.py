@@ -18,7 +18,6 @@ import numba
 __all__ = ["SWITCH_S", "give_way", "require_tbb", "set_thread_count", "thread_count"]
 
 SWITCH_S = 0.0003  # how long a thread may keep the interpreter while another wants it; Python's default is 5 ms
-_BEHIND = 10  # niceness: a thread that gives way gets a tenth of what one in front does
 
 
 def _load_tbb() -> None:
@@ -47,15 +46,15 @@ def set_thread_count(count: int) -> None:
     numba.set_num_threads(count)
 
 
-def give_way() -> None:
-    """What the calling thread computes from now on leaves a core to others, and cores that others want, too.
+def give_way(niceness: int) -> None:
+    """What the calling thread computes from now on leaves a core to others, and those that others want, too.
 
-    Linux only has priorities by thread, and threads that help a kernel keep theirs: with one core to be left of two,
-    there are none.
+    `niceness` is beside that of the process. Only Linux has priorities by thread, and threads that help a kernel keep
+    theirs: with one core to be left of two, there are none.
     """
     set_thread_count(max(1, min(_available(), numba.config.NUMBA_NUM_THREADS) - 1))
     if sys.platform == "linux":
-        behind = min(os.getpriority(os.PRIO_PROCESS, os.getpid()) + _BEHIND, 19)
+        behind = min(os.getpriority(os.PRIO_PROCESS, os.getpid()) + niceness, 19)
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), behind)
 
 

@@ -15,9 +15,9 @@ __all__ = ["Activity", "Longest", "Rate", "StallMonitor", "Timings"]
 
 
 class Timings:
-    """Milliseconds by stage; the newest few hundred are kept. Used from the event loop only."""
+    """Milliseconds by stage; the newest hundreds are kept, few enough to sort. Used from the event loop only."""
 
-    def __init__(self, keep: int = 500) -> None:
+    def __init__(self, keep: int = 200) -> None:
         self._keep = keep
         self._stages: dict[str, deque[float]] = {}
 

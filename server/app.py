@@ -13,6 +13,7 @@ import uvicorn
 from farside.engine.apart import Apart
 from farside.engine.camera import Camera
 from farside.engine.live import Core, Live, Source
+from farside.engine.patience import Patience
 from farside.engine.settings import Settings
 from fastapi import FastAPI, HTTPException, Request, Response, WebSocket
 from fastapi.responses import FileResponse
@@ -36,7 +37,8 @@ def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | N
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         maker, workers = make_core or _engine_maker(settings), settings.render_workers
-        live = Live(maker, render_workers=workers, governor=settings.governor())
+        patience = Patience(settings.longest_update_s)
+        live = Live(maker, render_workers=workers, governor=settings.governor(), patience=patience)
         async with live, responsive(lambda: live.frames["updated"]):
             app.state.service = Service(live, settings)
             yield

@@ -17,7 +17,17 @@ from farside.engine.live import Source
 from starlette.websockets import WebSocket
 
 from .pictures import decode_view
-from .protocol import BufferFree, CloseCode, FrameDone, ProtocolError, SharedMemory, SourceHello, ViewData, decode
+from .protocol import (
+    MAX_CONTROL_BYTES,
+    BufferFree,
+    CloseCode,
+    FrameDone,
+    ProtocolError,
+    SharedMemory,
+    SourceHello,
+    ViewData,
+    decode,
+)
 from .service import CREDITS, Service, conversation, race, receive, send
 
 __all__ = ["serve_source"]
@@ -98,7 +108,10 @@ class _Ingest:
 
     async def _take(self, data: bytes) -> None:
         start = time.perf_counter()
-        message = await asyncio.to_thread(decode, data, ViewData)
+        if len(data) <= MAX_CONTROL_BYTES:  # less work than it is to hand it over
+            message = decode(data, ViewData)
+        else:
+            message = await asyncio.to_thread(decode, data, ViewData)
         if self._arriving is None:
             self._arriving = await self._granted_for(message)
         elif message.buffer not in (None, self._arriving.number):

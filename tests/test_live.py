@@ -16,6 +16,7 @@ from farside.engine.apart import CoreLostError
 from farside.engine.back_buffer import BackBuffer, OrderError
 from farside.engine.camera import Camera, Pose
 from farside.engine.live import HeadPose, Live, LiveViewer, Source
+from farside.engine.patience import FIRM, GENTLE, Patience
 from farside.engine.stereo import StereoPicture, StereoView
 from farside.engine.timing import Activity, Longest, Rate, StallMonitor, Timings
 
@@ -207,8 +208,9 @@ def test_a_core_whose_process_has_ended_is_told_of_and_the_next_source_gets_anot
     run(scenario)
 
 
-def test_the_back_end_gives_way_and_cores_are_closed_in_the_end() -> None:
+def test_the_back_end_gives_way_until_it_takes_too_long_and_cores_are_closed_in_the_end() -> None:
     niceness: list[int] = []
+    patience = Patience()
 
     class Nice(FakeCore):
         def update(self, *given: Any) -> Any:
@@ -221,9 +223,13 @@ def test_the_back_end_gives_way_and_cores_are_closed_in_the_end() -> None:
 
     async def scenario() -> None:
         screen = Screen()
-        async with Live(Nice) as live:
+        async with Live(Nice, patience=patience) as live:
             await live.open(SOURCE)
             await live.offer(a_frame(0))
+            patience.longest_s = 0.0
+            await live.offer(a_frame(1))
+            await live.offer(a_frame(2))
+            assert live.status()["update_niceness"] == FIRM
             shown = live.shown
             with live.viewer("a", VIEW) as viewer:
                 watching = screen.watch(viewer)
@@ -238,7 +244,15 @@ def test_the_back_end_gives_way_and_cores_are_closed_in_the_end() -> None:
 
     run(scenario)
     usual = os.getpriority(os.PRIO_PROCESS, os.getpid())
-    assert niceness == [min(usual + 10, 19), usual]
+    behind, nearer = min(usual + GENTLE, 19), min(usual + FIRM, 19)
+    assert niceness == [behind, behind, nearer, usual]
+
+
+def test_patience_ends_where_updates_would_not_and_comes_back_with_time_to_spare() -> None:
+    patience = Patience(5.0)
+    for seconds, then in ((4.9, GENTLE), (5.1, FIRM), (5.1, FIRM), (0.51, FIRM), (0.49, GENTLE), (0.6, GENTLE)):
+        patience.observe(seconds)
+        assert patience.niceness == then
 
 
 # Viewers
