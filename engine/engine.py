@@ -18,7 +18,7 @@ from .background.model import BackgroundModel, UpdateReport
 from .camera import Camera
 from .export_mesh import ColouredMesh
 from .exposure import Exposure, to_common, to_picture
-from .filling import fill, hole_fraction, rise_per_pixel
+from .filling import fill, rise_per_pixel
 from .frame import Frame
 from .outlines import smooth_outlines
 from .pbi import enlarged, imaginary_camera, uncovered_cells
@@ -315,11 +315,11 @@ class Engine:
                 canvas.clear()
                 shrink = front.scene.disparity_shrink(camera)
                 report.warped = self._draw_views(canvas, views, target, near, front.settings, shrink)
-                report.holes_warped = report.holes_backdrop = hole_fraction(canvas.disparity)
+                report.holes_warped = report.holes_backdrop = canvas.holes().fraction
             with timed(report.stages, "backdrop"):
                 if backdrop is not None:
                     report.warped += self._draw_backdrop(canvas, backdrop, front, chosen, target)
-                    report.holes_backdrop = hole_fraction(canvas.disparity)
+                    report.holes_backdrop = canvas.holes().fraction
                     views += [backdrop, *front.views]
             with timed(report.stages, "shade"):
                 fills = front.settings.fill != "none" and report.holes_backdrop < 1
@@ -336,11 +336,12 @@ class Engine:
                 report.holes_filled = report.holes_backdrop
                 if fills and report.holes_backdrop > 0:
                     rise = self._rise(camera, [front.views[k] for k in chosen], report.holes_backdrop)
-                    fill(canvas.disparity, canvas.planes, rise, structured=front.settings.fill == "structure")
+                    structured = front.settings.fill == "structure"
+                    places = fill(canvas.disparity, canvas.planes, rise, canvas.holes(), structured=structured)
                     if viewer is not None and front.settings.settles:
                         # Both eyes of a viewer have their own picture.
                         of = f"{viewer} {camera.name}"
-                        self._settler.settle(of, camera, front.scene.depths[0], canvas.disparity, canvas.planes)
+                        self._settler.settle(of, camera, front.scene.depths[0], places, canvas.planes)
                     report.holes_filled = 0.0
                 texture = canvas.texture()
             with timed(report.stages, "antialias"):

@@ -11,23 +11,21 @@ import numpy.typing as npt
 from .camera import Camera
 from .kernels import fill as kernels
 from .kernels import structure
+from .kernels.tiles import TILE
 from .prepared import pixels_per_radian
 from .pyramid import empty_levels
+from .tiles import HoleMap, Tiles
 
-__all__ = ["fill", "hole_fraction", "rise_per_pixel"]
+__all__ = ["fill", "rise_per_pixel"]
 
 _FADE_PX = 8.0  # how far structure is carried into a hole before half of it has faded into something smooth
 _LAYERS = 32  # pixels from the rim beyond which all is smooth
 _DISC = structure.disc_weights(2.5, 2.0)
+_BLOCK = 64  # pixels a side: a block without holes, beside none that has any, gives nothing to what fills them
 _FEW = 50_000  # elements of a level below which threads cost more than they bring
 
 Plane = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
-
-
-def hole_fraction(disparity: Plane) -> float:
-    """Fraction of pixels where nothing was drawn."""
-    return float(_holes_by_row(disparity).sum() / disparity.size)
 
 
 def rise_per_pixel(target: Camera, views: Sequence[Camera]) -> float:
@@ -41,41 +39,34 @@ def rise_per_pixel(target: Camera, views: Sequence[Camera]) -> float:
     return 1.0 / (pixels_per_radian(target) * max(*baselines, 1e-6, 1e-6))
 
 
-def fill(disparity: Plane, planes: tuple[Plane, Plane, Plane], rise: float, *, structured: bool = True) -> None:
+def fill(
+    disparity: Plane, planes: tuple[Plane, Plane, Plane], rise: float, holes: HoleMap | None = None, *,
+    structured: bool = True,
+) -> I32:  # fmt: skip
     """Colour the holes of [h, w] planes in place from their neighbourhood, farther surfaces first.
 
-    Where disparity (1/m) is 0 nothing was drawn; somewhere something must have been. `rise` tells what is hidden from
-    what hides it (see `rise_per_pixel`). With `structured` what is hidden goes on along its structure near its rims;
-    otherwise all is smooth.
+    Where disparity (1/m) is 0 nothing was drawn; somewhere something must have been. `holes`: where, if known.
+    `rise` tells what is hidden from what hides it (see `rise_per_pixel`). With `structured` what is hidden goes on
+    along its structure near its rims; otherwise all is smooth. Returns the holes' rows and columns int32 [n, 2] in
+    reading order.
     """
-    places, index = _list_holes(disparity)
+    holes = holes or HoleMap.of(disparity)
+    places, index = holes.listed(disparity)
     depths, layer = np.empty((len(places), 2), np.float32), np.zeros(disparity.shape, np.int32)
     structure.spread_depths(disparity, places, index, rise, depths)
     if structured:
         structure.continue_structure(disparity, places, index, depths, _LAYERS, *_DISC, layer, *planes)
-    kernels.fade_into_smooth(places, layer, _smooth_level(disparity, planes), _FADE_PX, disparity, *planes)
+    smooth = _smooth_level(disparity, planes, holes.neighbourhood(_BLOCK // TILE))
+    kernels.fade_into_smooth(places, layer, smooth, _FADE_PX, disparity, *planes)
+    return places
 
 
-def _smooth_level(disparity: Plane, planes: tuple[Plane, Plane, Plane]) -> Plane:
-    """The finest level of the pyramid, complete."""
+def _smooth_level(disparity: Plane, planes: tuple[Plane, Plane, Plane], near: Tiles) -> Plane:
+    """The finest level of the pyramid, complete in blocks of pixels that are `near` holes."""
     levels = empty_levels(disparity.shape, kernels.CELL)
-    kernels.first_level(disparity, *planes, levels[0])
+    kernels.first_level(disparity, *planes, near, _BLOCK // kernels.CELL, levels[0])
     for fine, coarse in itertools.pairwise(levels):
         (kernels.next_level if fine.size > _FEW else kernels.next_level_serially)(fine, coarse)
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
         (kernels.refine_level if fine.size > _FEW else kernels.refine_level_serially)(coarse, fine)
     return levels[0]
-
-
-def _holes_by_row(disparity: Plane) -> npt.NDArray[np.int64]:  # [h]
-    rows = np.empty(disparity.shape[0], np.int64)
-    kernels.count_holes(disparity, rows)
-    return rows
-
-
-def _list_holes(disparity: Plane) -> tuple[I32, I32]:
-    """places and index of the holes, as `kernels.structure` has them."""
-    starts = np.concatenate([[0], np.cumsum(_holes_by_row(disparity))])
-    places, index = np.empty((starts[-1], 2), np.int32), np.empty(disparity.shape, np.int32)
-    structure.list_holes(disparity, starts, places, index)
-    return places, index

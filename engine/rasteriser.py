@@ -10,15 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from .kernels import blocks, rasterise, sorting, spherical
-from .kernels.tiles import TILE
 from .mesh import Mesh
 from .target import Target
+from .tiles import EVERYWHERE, Tiles
 
-__all__ = ["EVERYWHERE", "Rasteriser", "new_tiles"]
+__all__ = ["Rasteriser"]
 
-EVERYWHERE = np.empty((0, 0), np.uint8)  # no tiles: triangles go anywhere
 _NOTHING = np.empty((0, 0), np.float32)
-_BEYOND = 3  # bytes that kernels may read behind the last of an array
+_BEYOND = 3  # bytes that kernels may read behind the last point's
 _BANDS = 16
 _CHUNKS = 4
 _FEW = 20000  # points and triangles below which threads cost more than they bring
@@ -36,12 +35,6 @@ _SERIAL = _Kernels(
 )
 
 
-def new_tiles(height: int, width: int) -> npt.NDArray[np.uint8]:
-    """Tiles [ceil(height / TILE), ceil(width / TILE)] of a picture, none marked, as a rasteriser reads them."""
-    shape = math.ceil(height / TILE), math.ceil(width / TILE)
-    return np.zeros(shape[0] * shape[1] + _BEYOND, np.uint8)[:-_BEYOND].reshape(shape)
-
-
 class Rasteriser:
     """Draws into pictures of a height, with room kept from mesh to mesh. Not for two threads at once."""
 
@@ -54,13 +47,13 @@ class Rasteriser:
 
     def draw(
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float, push: float,
-        disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8], tiles: npt.NDArray[np.uint8],
-        open_tiles: npt.NDArray[np.uint8] = EVERYWHERE,
+        disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8], tiles: Tiles,
+        open_tiles: Tiles = EVERYWHERE,
     ) -> int:  # fmt: skip
         """Draw a mesh as view `number` where it is nearer by `margin` (1/m), moved away by `push` metres.
 
-        disparity, winner [h, w]. `tiles`, `open_tiles`: from `new_tiles`, where triangles are drawn and where a later
-        view's may win (`kernels.sorting`), or EVERYWHERE. Returns the number of triangles drawn.
+        disparity, winner [h, w]. `tiles`, `open_tiles`: from `tiles.new_tiles`, where triangles are drawn and where a
+        later view's may win (`kernels.sorting`), or EVERYWHERE. Returns the number of triangles drawn.
         """
         camera, starts = target.packed, mesh.starts
         visible = np.empty(len(starts) - 1, np.int64)

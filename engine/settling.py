@@ -39,14 +39,15 @@ class Settler:
         self._last: OrderedDict[str, _Holes] = OrderedDict()
 
     def settle(
-        self, viewer: str, camera: Camera, near: float, disparity: F32, planes: tuple[F32, F32, F32]
+        self, viewer: str, camera: Camera, near: float, holes: npt.NDArray[np.int32], planes: tuple[F32, F32, F32]
     ) -> None:
-        """Draw a filled picture's holes (disparity 0) towards their colours in the viewer's last picture, in place.
+        """Draw a filled picture's holes towards their colours in the viewer's last picture, in place.
 
-        disparity and planes [h, w]; near: distance of near things in metres, which tells how far the picture moves
-        with the head. Nothing changes where the head has moved, or where a colour is news.
+        holes [n, 2]: their rows and columns in reading order; planes [h, w]; near: distance of near things in metres,
+        which tells how far the picture moves with the head. Nothing changes where the head has moved, or where a colour
+        is news.
         """
-        places = np.flatnonzero(disparity.ravel() <= 0.0)
+        places = holes[:, 0].astype(np.int64) * camera.width + holes[:, 1]
         flat = [plane.reshape(-1) for plane in planes]
         colours = np.stack([plane[places] for plane in flat], axis=1)
         last = self._last.pop(viewer, None)

@@ -14,8 +14,9 @@ from .kernels import fill as fill_kernels
 from .kernels import tiles as tile_kernels
 from .mesh import Mesh
 from .prepared import Part, PreparedView, ViewTable
-from .rasteriser import EVERYWHERE, Rasteriser, new_tiles
+from .rasteriser import Rasteriser
 from .target import Target
+from .tiles import EVERYWHERE, HoleMap, Tiles, new_tiles
 
 __all__ = ["Canvas"]
 
@@ -34,7 +35,8 @@ class Canvas:
         self.winner = np.zeros(shape, np.uint8)
         self._backdrop = np.zeros(shape, np.float32)
         self._nobody = np.zeros(shape, np.uint8)
-        self._tiles, self._open_tiles = new_tiles(height, width), new_tiles(height, width)
+        self._holes, self._found_holes = HoleMap(height, width), False
+        self._open_tiles = new_tiles(height, width)
         self._marks: npt.NDArray[np.uint8] | None = None  # pixels of a picture of half the size that are meant
         self._marked_tiles = EVERYWHERE
         self.planes = (np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32))
@@ -46,6 +48,7 @@ class Canvas:
         With `marks`, pixels of a picture of half the size, only what belongs to those is drawn and shaded.
         """
         self.disparity.fill(0.0)
+        self._found_holes = False
         self._marks, self._marked_tiles = marks, EVERYWHERE
         if marks is not None:
             self._marked_tiles = new_tiles(*self.disparity.shape)
@@ -56,12 +59,16 @@ class Canvas:
         for plane in self.planes:
             plane.fill(_GREY)
 
-    def hole_tiles(self) -> npt.NDArray[np.uint8]:
-        """Tiles of the picture with pixels that nothing was drawn to; valid until the next call."""
-        tile_kernels.mark_hole_tiles(self.disparity, self._tiles)
-        if self._marks is not None:
-            self._tiles &= self._marked_tiles
-        return self._tiles
+    def holes(self) -> HoleMap:
+        """Where nothing was drawn; valid until something is. Once they were asked for, only holes are drawn to."""
+        if self._found_holes:
+            self._holes.shrink(self.disparity)
+        else:
+            self._holes.find(self.disparity)
+            if self._marks is not None:
+                self._holes.tiles[self._marked_tiles == 0] = 0
+        self._found_holes = True
+        return self._holes
 
     def silhouettes(self, step: float) -> npt.NDArray[np.uint8]:
         """Pixels [h, w] at which surfaces more than `step` (disparity, 1/m) apart meet: 1, others 0."""
@@ -76,7 +83,7 @@ class Canvas:
 
     def draw(
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float,
-        tiles: npt.NDArray[np.uint8] | None = None,
+        tiles: Tiles | None = None,
     ) -> int:  # fmt: skip
         """Draw a view's mesh as view `number`; it wins a pixel where it is nearer by `margin` (disparity).
 
@@ -100,9 +107,7 @@ class Canvas:
         having = [number for number, view in enumerate(views) if part == "rims" or part in view.parts]
         if not having:
             return 0
-        tiles = self.hole_tiles()
-        if not tiles.any():
-            return 0
+        tiles = self.holes().tiles
         return sum(self.draw(views[number].mesh(part), target, number, near, math.inf, tiles) for number in having)
 
     def draw_backdrop(
@@ -115,7 +120,7 @@ class Canvas:
         `drawn` has a surface on a hole's ray before the backdrop's, that is what is seen (`kernels.composite`). With
         `holes_only` it is drawn only near holes. Returns the number of triangles drawn.
         """
-        tiles = self.hole_tiles() if holes_only else self._marked_tiles
+        tiles = self.holes().tiles if holes_only else self._marked_tiles
         self._backdrop.fill(0.0)
         number = len(drawn)
         triangles = self._rasteriser.draw(

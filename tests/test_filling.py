@@ -11,12 +11,13 @@ from farside.clients import bench
 from farside.engine.bench.filling import similarity
 from farside.engine.camera import Camera, Perspective, Pose
 from farside.engine.depth import DepthCoding
-from farside.engine.filling import fill, hole_fraction, rise_per_pixel
+from farside.engine.filling import fill, rise_per_pixel
 from farside.engine.frame import Texture
 from farside.engine.kernels import structure
 from farside.engine.metrics import ssim
 from farside.engine.synth import write_twin
 from farside.engine.threads import set_thread_count, thread_count
+from farside.engine.tiles import HoleMap
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle.structure import continued
@@ -149,9 +150,7 @@ def test_a_picture_without_holes_stays_as_it_is():
 def continue_everywhere(disparity, luma, rise, layers):
     """Planes with as many layers of the holes coloured by the kernels as asked for, and which layer each is in."""
     disparity, planes = picture(disparity, luma)
-    starts = np.concatenate([[0], np.cumsum((disparity <= 0).sum(axis=1))])
-    places, index = np.empty((starts[-1], 2), np.int32), np.empty(disparity.shape, np.int32)
-    structure.list_holes(disparity, starts, places, index)
+    places, index = HoleMap.of(disparity).listed(disparity)
     depths = np.empty((len(places), 2), np.float32)
     structure.spread_depths(disparity, places, index, rise, depths)
     disc, layer = structure.disc_weights(2.5, 2.0), np.zeros(disparity.shape, np.int32)
@@ -199,15 +198,6 @@ def test_surfaces_part_by_as_many_pixels_as_the_rise_says():
     assert (0.9 - 0.4) / rise_per_pixel(target, [other, source]) == pytest.approx(abs(near - far))
     assert math.isfinite(rise_per_pixel(target, [target]))
     assert math.isfinite(rise_per_pixel(target, []))
-
-
-def test_hole_fraction():
-    disparity = np.zeros((7, 10), np.float32)
-    assert hole_fraction(disparity) == 1.0
-    disparity[:, :3] = 0.5
-    assert hole_fraction(disparity) == pytest.approx(0.7)
-    disparity[:] = 1e-6
-    assert hole_fraction(disparity) == 0.0
 
 
 def test_the_benchmark_compares_kinds_of_filling_inside_holes(tmp_path, capsys):

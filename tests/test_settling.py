@@ -15,16 +15,16 @@ HOLE = np.s_[8:12, 10:20]
 
 
 def picture(luma, holes=HOLE):
-    disparity = np.full((24, 32), 0.25, np.float32)
-    disparity[holes] = 0.0
+    hole = np.zeros((24, 32), bool)
+    hole[holes] = True
     planes = tuple(np.full((24, 32), value, np.float32) for value in (300.0, 500.0, 520.0))
     planes[0][holes] = luma
-    return disparity, planes
+    return np.argwhere(hole).astype(np.int32), planes
 
 
 def shown(settler, luma, camera=HERE, viewer="me", holes=HOLE):
-    disparity, planes = picture(luma, holes)
-    settler.settle(viewer, camera, 1.0, disparity, planes)
+    places, planes = picture(luma, holes)
+    settler.settle(viewer, camera, 1.0, places, planes)
     return planes
 
 

@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 __all__ = [
     "CELL",
-    "count_holes",
     "fade_into_smooth",
     "first_level",
     "next_level",
@@ -27,25 +26,21 @@ __all__ = [
 
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
+U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
 
 MIXED = 1e-3  # weight, of 1, of a pixel whose colour may be mixed with that of what hides a hole
+UNKNOWN = -1.0  # weight of a cell that nothing is known of and nobody asks for
 CELL = 4  # pixels a side of the pyramid's finest cells
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
-def count_holes(disparity: F32, rows: npt.NDArray[np.int64]) -> None:
-    """rows [h]: pixels of each row where nothing was drawn."""
-    for y in numba.prange(disparity.shape[0]):
-        n = 0
-        for x in range(disparity.shape[1]):
-            n += disparity[y, x] <= 0.0
-        rows[y] = n
-
-
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def first_level(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, level: F32) -> None:
+def first_level(
+    disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, near: U8, block: int, level: F32
+) -> None:
     """level [ceil(h / CELL), ceil(w / CELL), 5] from the picture: weight, disparity and colour of each cell.
+
+    near [rows, columns]: 1 for blocks of block x block cells that are wanted; the others' cells get the weight UNKNOWN.
 
     disparity [h, w]: of holes, the negative of what goes on behind something there, so that the rims of what hides it
     count little; minus infinity where nothing hides it.
@@ -56,6 +51,9 @@ def first_level(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, level: 
     for j in numba.prange(level.shape[0]):
         for i in range(level.shape[1]):
             top, left = CELL * np.int64(j), CELL * i
+            if not near[np.int64(j) // block, i // block]:
+                level[j, i, 0], level[j, i, 1] = UNKNOWN, np.inf
+                continue
             whole = top + CELL <= h and left + CELL <= w
             if not (whole and _average(disparity, luma, chroma_b, chroma_r, top, left, level[j, i])):
                 _weigh(disparity, luma, chroma_b, chroma_r, top, left, level[j, i])
@@ -175,7 +173,7 @@ def _refine_level(coarse: F32, fine: F32) -> None:
     for j in numba.prange(fine.shape[0]):
         for i in range(fine.shape[1]):
             weight = fine[j, i, 0]
-            if weight < 1.0:
+            if UNKNOWN < weight < 1.0:
                 cy, cb, cr = _sample(coarse, 0.5 * np.int64(j) - 0.25, 0.5 * i - 0.25)
                 fine[j, i, 2] = weight * fine[j, i, 2] + (1.0 - weight) * cy
                 fine[j, i, 3] = weight * fine[j, i, 3] + (1.0 - weight) * cb

@@ -18,11 +18,10 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["ANGLES", "LEVELS", "SAME", "WINDOW", "continue_structure", "disc_weights", "list_holes", "spread_depths"]
+__all__ = ["ANGLES", "LEVELS", "SAME", "WINDOW", "continue_structure", "disc_weights", "spread_depths"]
 
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
 
 ANGLES = 32  # directions, over half a turn, that structure may run in
 LEVELS = 9  # of sureness that it does
@@ -50,21 +49,6 @@ def disc_weights(radius: float, sharpness: float) -> tuple[I32, F32]:
     along = np.exp(-0.5 * (sharpness * across) ** 2) + 1e-4
     weights = (sureness * along + (1.0 - sureness)) / distance
     return np.stack([rows, columns], axis=-1).astype(np.int32), weights.reshape(-1, len(rows)).astype(np.float32)
-
-
-@numba.njit(cache=True, parallel=True, nogil=True)
-def list_holes(disparity: F32, starts: I64, places: I32, index: I32) -> None:
-    """Write places and index; starts [h + 1]: the number of each row's first hole, and of all."""
-    for row in numba.prange(disparity.shape[0]):
-        y = np.int64(row)
-        n = starts[y]
-        for x in range(disparity.shape[1]):
-            if n == starts[y + 1]:
-                break
-            if disparity[y, x] <= 0.0:
-                places[n, 0], places[n, 1] = y, x
-                index[y, x] = n
-                n += 1
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

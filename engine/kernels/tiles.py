@@ -6,12 +6,13 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["HOLE", "SILHOUETTE", "TILE", "mark_hole_tiles", "mark_open_tiles"]
+__all__ = ["HOLE", "SILHOUETTE", "TILE", "count_holes", "list_holes", "mark_open_tiles", "recount_holes"]
 
 TILE = 8  # pixels
 SILHOUETTE, HOLE = 1, 2  # marks of tiles (`mark_open_tiles`)
 
 F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
 U8 = npt.NDArray[np.uint8]
 
 
@@ -26,21 +27,57 @@ def _by_tile(found: U8, tiles: U8) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def _mark_holes(row: F32, found: U8) -> None:
-    for x in range(row.shape[0]):
-        found[x] |= np.uint8(1) if row[x] <= np.float32(0.0) else np.uint8(0)
+def _count_row(row: F32, counts: U8) -> None:
+    """Add to counts [ceil(w / TILE)] the holes of a row."""
+    whole = row.shape[0] // TILE
+    for i in range(whole):
+        n = np.uint8(0)
+        for x in range(TILE):
+            n += np.uint8(row[TILE * i + x] <= np.float32(0.0))
+        counts[i] += n
+    for x in range(TILE * whole, row.shape[0]):
+        counts[whole] += np.uint8(row[x] <= np.float32(0.0))
 
 
 @numba.njit(cache=True, parallel=True, nogil=True)
-def mark_hole_tiles(disparity: F32, tiles: U8) -> None:
-    """tiles [ceil(h / TILE), ceil(w / TILE)]: 1 where a tile has a pixel that nothing was drawn to."""
-    h, w = disparity.shape
+def count_holes(disparity: F32, tiles: U8) -> None:
+    """tiles [ceil(h / TILE), ceil(w / TILE)]: how many pixels of a tile nothing was drawn to."""
+    h = disparity.shape[0]
     for row in numba.prange(tiles.shape[0]):
         j = int(np.int64(row))
-        found = np.zeros(w, np.uint8)
+        tiles[j] = 0
         for y in range(TILE * j, min(TILE * (j + 1), h)):
-            _mark_holes(disparity[y], found)
-        _by_tile(found, tiles[j])
+            _count_row(disparity[y], tiles[j])
+
+
+@numba.njit(cache=True, nogil=True)
+def recount_holes(disparity: F32, tiles: U8) -> None:
+    """As `count_holes`, where holes only became fewer since: tiles without any are not looked at."""
+    h, w = disparity.shape
+    for j in range(tiles.shape[0]):
+        for i in range(tiles.shape[1]):
+            if tiles[j, i]:
+                n = 0
+                for y in range(TILE * j, min(TILE * (j + 1), h)):
+                    for x in range(TILE * i, min(TILE * (i + 1), w)):
+                        n += disparity[y, x] <= np.float32(0.0)
+                tiles[j, i] = n
+
+
+@numba.njit(cache=True, nogil=True)
+def list_holes(disparity: F32, tiles: U8, places: I32, index: I32) -> None:
+    """Holes in reading order: places [n, 2] their rows and columns, index [h, w] each one's number, written there only.
+    tiles: what `count_holes` gives."""
+    h, w = disparity.shape
+    n = 0
+    for y in range(h):
+        for i in range(tiles.shape[1]):
+            if tiles[y // TILE, i]:
+                for x in range(TILE * i, min(TILE * (i + 1), w)):
+                    if disparity[y, x] <= np.float32(0.0):
+                        places[n, 0], places[n, 1] = y, x
+                        index[y, x] = n
+                        n += 1
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
