@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from farside.engine.bench.scaling import exponent, measure_growth, plot_growth
@@ -26,48 +26,47 @@ _EYE = (1280, 1440)
 
 
 def show_targets(name: str, scale: float, frames: int, repeats: int = 15) -> None:
-    """Print each figure beside what is wanted; twins of scale 1 are as large as the paper's sequences."""
-    twin = make_twin(name, scale)
-    size = (max(2, round(_EYE[0] * scale)), max(2, round(_EYE[1] * scale)))
-    rows: list[Target] = []
+    """Print each figure beside what is wanted as soon as it is measured; twins of scale 1 are as large as the paper's
+    sequences."""
     with Progress(console=Console(stderr=True)) as bar:
 
         def steps(description: str, total: int | None) -> Callable[[], None]:
             task = bar.add_task(description, total=total)
             return lambda: bar.advance(task)
 
-        _warm_up(name, steps("compiling", 2))
-        rows += one_eye_targets(make_twin(name, 0.5 * scale), repeats, steps("one eye", 4 * repeats + 4))
-        engines = {quality: Engine(twin.sources, Settings.preset(quality)) for quality in ("fast", "balanced")}
-        rows += update_targets(twin, engines["balanced"], frames, 3, steps("playing frames", frames))
-        advance = steps("playing frames for fast", frames)
-        for index in range(frames):
-            engines["fast"].update(twin_frame(twin, index))
-            advance()
-        rows += pair_targets(twin_frame(twin, frames - 1), engines, size, repeats, steps("stereo pairs", repeats))
-        rows += loss_targets(twin, frames - 1, steps("loss", None))
-    Console(width=140).print(_table(rows, f"{name} at scale {scale:g}, frame {frames - 1}"))
+        _warm_up(name, steps("compiling", 1))
+        print(f"{name} at scale {scale:g}, frame {frames - 1}", flush=True)
+        for row in _all_targets(name, scale, frames, repeats, steps):
+            print(_line(row), flush=True)
+
+
+def _all_targets(
+    name: str, scale: float, frames: int, repeats: int, steps: Callable[[str, int | None], Callable[[], None]]
+) -> Iterator[Target]:
+    yield from one_eye_targets(make_twin(name, 0.5 * scale), repeats, steps("one eye", 4 * repeats + 4))
+    twin = make_twin(name, scale)
+    engines = {quality: Engine(twin.sources, Settings.preset(quality)) for quality in ("fast", "balanced")}
+    yield from update_targets(twin, engines, frames, 3, steps("playing frames", frames))
+    size = (max(2, round(_EYE[0] * scale)), max(2, round(_EYE[1] * scale)))
+    yield from pair_targets(twin_frame(twin, frames - 1), engines, size, repeats, steps("stereo pairs", repeats))
+    engines.clear()  # their models need not lie beside the largest meshes
+    yield from loss_targets(twin, frames - 1, steps("loss", None))
 
 
 def _warm_up(name: str, advance: Callable[[], None]) -> None:
     """Compile everything on a tiny twin, so that the first figures do not hold it."""
     tiny = make_twin(name, 0.05)
-    for quality in ("fast", "balanced"):
-        engine = Engine(tiny.sources, Settings.preset(quality))
-        update_targets(tiny, engine, 4, 1, lambda: None)
-        list(pair_targets(twin_frame(tiny, 3), {quality: engine}, (64, 72), 1, lambda: None))
-        advance()
+    engines = {quality: Engine(tiny.sources, Settings.preset(quality)) for quality in ("fast", "balanced")}
+    list(update_targets(tiny, engines, 4, 1, lambda: None))
+    list(pair_targets(twin_frame(tiny, 3), engines, (64, 72), 1, lambda: None))
+    advance()
 
 
-def _table(rows: Iterable[Target], title: str) -> Table:
-    table = Table(title=title)
-    for column in ("what", "measured", "wanted", "met"):
-        table.add_column(column, justify="left" if column == "what" else "right")
-    for row in rows:
-        sign = ">=" if row.at_least else "<="
-        wanted = "" if row.wanted is None else f"{sign} {row.wanted:.3g} {row.unit}"
-        table.add_row(row.what, f"{row.value:.4g} {row.unit}", wanted, {None: "", True: "yes", False: "no"}[row.met])
-    return table
+def _line(row: Target) -> str:
+    sign = ">=" if row.at_least else "<="
+    wanted = "" if row.wanted is None else f"{sign} {row.wanted:.3g} {row.unit}"
+    met = {None: "", True: "yes", False: "no"}[row.met]
+    return f"{row.what:96} {f'{row.value:.4g} {row.unit}':>12} {wanted:>12} {met:>4}".rstrip()
 
 
 def show_scaling(name: str, scale: float, quality: str, report: Path | None, repeats: int = 9) -> None:
