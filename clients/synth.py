@@ -13,7 +13,10 @@ __all__ = ["command"]
 
 
 def command(
-    name: Annotated[str, typer.Argument(help="museum, hijack, painter, frog, gymnasium-a, gymnasium-b or doorway")],
+    name: Annotated[
+        str,
+        typer.Argument(help="museum, hijack, painter, frog, gymnasium-a, gymnasium-b, doorway or street"),
+    ],
     out: Annotated[Path, typer.Argument(help="Folder to write, named as the sequence shall be")],
     scale: Annotated[float, typer.Option(help="Size of the pictures, 1 = as the paper's")] = 1.0,
     frames: Annotated[int | None, typer.Option(help="Frames (default 300, gymnasium 250)")] = None,

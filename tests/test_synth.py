@@ -31,7 +31,10 @@ from farside.engine.synth.people import Path as Way
 from farside.engine.tmiv import open_sequence
 
 SCALE = 0.04
-VIEWS = {"museum": 24, "hijack": 10, "painter": 16, "frog": 13, "gymnasium-a": 5, "gymnasium-b": 5, "doorway": 8}
+VIEWS = {
+    "museum": 24, "hijack": 10, "painter": 16, "frog": 13, "gymnasium-a": 5, "gymnasium-b": 5,
+    "doorway": 8, "street": 8,
+}  # fmt: skip
 
 
 def planes(view: View) -> list[npt.NDArray[np.uint16]]:
@@ -162,7 +165,7 @@ def test_bits_depend_on_the_seed_only(name: str) -> None:
     assert not any(same(a, b) for a, b in zip(first, frame(6, 1), strict=True))
 
 
-@pytest.mark.parametrize("name", ["museum", "hijack"])
+@pytest.mark.parametrize("name", ["museum", "hijack", "street"])
 def test_views_agree_where_they_see_the_same_point(name: str) -> None:
     twin = make_twin(name, 0.12)
     a, b = twin.view(twin.source_names[0], 20), twin.truth(twin.camera("t0"), 20)
@@ -216,6 +219,21 @@ def test_every_depth_is_inside_its_range(name: str) -> None:
             codes = render_view(twin.scene, camera, index / 30.0, samples=1).codes
             assert codes.min() > 0
             assert codes.max() < camera.depth.max_code
+
+
+def test_the_street_reaches_from_people_near_by_to_hills_far_away() -> None:
+    twin = make_twin("street", SCALE)
+    view = twin.view("v3", 0)
+    depth = view.camera.depth.depth(view.codes)
+    assert depth.min() < 6.0
+    assert depth.max() > 310.0
+    # A camera at height h that looks down by an angle sees level ground at the plane's depth.
+    away = rays(view.camera)
+    with np.errstate(divide="ignore"):
+        ground = np.where(away[..., 2] < 0, -view.camera.pose.position[2] / away[..., 2], np.inf)
+    agree = np.abs(view.codes.astype(float) - view.camera.depth.codes(ground)) <= 1
+    assert agree.mean() > 0.15  # asphalt; beside it are pavements, houses and people
+    assert (depth[~agree] < ground[~agree]).all()  # and nothing is below it
 
 
 def test_the_runner_of_gymnasium_b_is_the_only_difference() -> None:

@@ -1,4 +1,4 @@
-"""The rigs of the twins, by rule: cameras as the paper's sequences have them (Table 1, section 4), and one more rig."""
+"""The rigs of the twins, by rule: cameras as the paper's sequences have them (Table 1, section 4), and two more."""
 
 from __future__ import annotations
 
@@ -57,6 +57,7 @@ def twin_cameras(name: str, scale: float = 1.0) -> Rig:
         "gymnasium-a": _gymnasium,
         "gymnasium-b": _gymnasium,
         "doorway": _doorway,
+        "street": _street,
     }
     if name not in rigs:
         raise ValueError(f"twin: {name!r}: expected one of {', '.join(rigs)}")
@@ -201,3 +202,19 @@ def _doorway() -> Rig:
         (lens, _look(-0.9, -0.6, 1.7, 5)),
     ]
     return _rig(sources, targets, (lens, _look(0, 0, EYE_HEIGHT)), DepthCoding(0.5, 25.0))
+
+
+def _street() -> Rig:
+    """None of the paper's: a beam of 4.2 m in a street, looking along it to hills 300 m away."""
+    lens = Perspective.from_fov(1920, 1080, math.radians(80))
+    sources = [
+        (f"v{k}", lens, _look(0.0, 0.6 * (3.5 - k), 2.1 + 0.3 * (k % 2), 1.5 * (3.5 - k), 3.0)) for k in range(8)
+    ]
+    targets = [
+        (lens, _look(0.05, 0.25, 2.2, 0, 2)),
+        (lens, _look(-0.1, -1.35, 2.3, -3, 3)),
+        (lens, _look(0.1, 1.75, 2.15, 4, 1)),
+        (lens, _look(-1.5, 3.4, 2.5, -4, 3)),
+        (lens, _look(0.8, -2.9, 1.9, 6)),
+    ]
+    return _rig(sources, targets, (lens, _look(0, 0, 2.2)), DepthCoding(2.0, 400.0))
