@@ -51,6 +51,8 @@ def test_the_server_is_measured_from_outside_and_from_inside(figures):
         for when in ("", "_during_update"):
             assert stalls[f"longest_own_stall{when}_ms"] <= stalls[f"longest_stall{when}_ms"]
         assert stalls["longest_stall_during_update_ms"] <= stalls["longest_stall_ms"]
+        assert part.idle["longest_own_stall_ms"] <= part.idle["longest_stall_ms"]
+        assert 0 < part.idle["loop_busy_s"] < stalls["loop_busy_s"]
     assert figures[0].status["event_loop"]["longest_stall_during_update_ms"] > 0
     assert figures[0].cores[2] > 0
     assert figures[1].cores[2] == 0
@@ -72,6 +74,10 @@ def test_a_pause_is_what_an_update_adds_to_a_picture(figures):
     playing = dataclasses.replace(playing, status=playing.status | {"pictures": longest})
     still = dataclasses.replace(still, status=still.status | {"stages_ms": {"picture": {"p50": 12.5}}})
     assert live.pause_ms(playing, still) == 18.5
+    still = dataclasses.replace(still, status=still.status | {"pictures": {**longest, "longest_picture_ms": 20.0}})
+    assert live.pause_ms(still, still) == 18.5
+    still.status["pictures"]["longest_picture_during_update_ms"] = 0.0
+    assert live.pause_ms(still, still) == 7.5
 
 
 def test_memory_that_processes_share_is_counted_once():

@@ -40,6 +40,18 @@ _STALLS = {
 }
 
 
+# An event loop with nothing to do, in a process of its own: how late it is is the machine's doing.
+_IDLE = """
+import asyncio, contextlib, json, sys
+from farside.engine.timing import Activity, StallMonitor
+
+monitor = StallMonitor(Activity())
+with contextlib.suppress(TimeoutError):
+    asyncio.run(asyncio.wait_for(monitor.run(), float(sys.argv[1])))
+print(json.dumps(monitor.summary()))
+"""
+
+
 @dataclass(frozen=True, slots=True)
 class Usage:
     """What processes have used: seconds of a core, and megabytes resident, now and at most, shared memory once."""
@@ -74,6 +86,7 @@ class LiveFigures:
     cores: tuple[float, float, float]  # of server and engine, of its event loop, of the replay
     server: Usage
     status: dict[str, Any]  # the server's, at the end; the longest stalls and pictures of this part only
+    idle: dict[str, float]  # stalls of an event loop beside it that has nothing to do
 
     @property
     def rate(self) -> float:
@@ -102,21 +115,22 @@ def show_live(folder: Path, fps: float | None, seconds: float, quality: str, siz
     )
 
 
-def pause_ms(playing: LiveFigures, still: LiveFigures) -> float:
-    """How much longer than a median picture without an update the longest during one took."""
-    pictures, without = playing.status["pictures"], still.status["stages_ms"].get("picture", {"p50": math.nan})
-    return float(pictures["longest_picture_during_update_ms"] - without["p50"])
+def pause_ms(figures: LiveFigures, still: LiveFigures) -> float:
+    """How much longer than a median picture without updates the longest took, during an update where there was one."""
+    pictures, without = figures.status["pictures"], still.status["stages_ms"].get("picture", {"p50": math.nan})
+    longest = pictures["longest_picture_during_update_ms"] or pictures["longest_picture_ms"]
+    return float(longest - without["p50"])
 
 
 def _judged(playing: LiveFigures, still: LiveFigures) -> Table:
-    """What was measured beside what is wanted."""
-    table = Table("while video plays", "ms", "wanted, at most")
+    """What was measured beside what is wanted, and what an idle loop and pictures without updates come to."""
+    table = Table("while video plays", "ms", "wanted, at most", "idle, or without video")
     stalls = playing.status["event_loop"]
-    measured = {name: stalls[f"longest_{kind}_ms"] for kind, name in _STALLS.items()}
-    for name, value in measured.items():
-        table.add_row(name, f"{value:.1f}", f"{_LONGEST_STALL_MS:g}")
-    pause = pause_ms(playing, still)
-    table.add_row("longest picture during an update, beyond a median without", f"{pause:.1f}", f"{_LONGEST_PAUSE_MS:g}")
+    for kind, name in _STALLS.items():
+        stall, idle = (figures[f"longest_{kind}_ms"] for figures in (stalls, playing.idle))
+        table.add_row(name, f"{stall:.1f}", f"{_LONGEST_STALL_MS:g}", f"{idle:.1f}")
+    pause, without = (f"{pause_ms(figures, still):.1f}" for figures in (playing, still))
+    table.add_row("longest picture during an update, beyond a median without", pause, f"{_LONGEST_PAUSE_MS:g}", without)
     return table
 
 
@@ -231,8 +245,10 @@ def _measure(
     processes = server.pid, before["engine"]["pid"]
     used = Usage.of(*processes)
     replay_used = Usage.of(replay.pid).cpu_s if replay else 0.0
-    headset = asyncio.run(_watch(url, seconds, size))
-    elapsed = time.monotonic() - start
+    with subprocess.Popen([sys.executable, "-c", _IDLE, str(seconds)], stdout=subprocess.PIPE, text=True) as idle:
+        headset = asyncio.run(_watch(url, seconds, size))
+        elapsed = time.monotonic() - start
+        idle_stalls = json.loads(idle.communicate(timeout=_HANG_S)[0])
     status, now = _status(url, elapsed), Usage.of(*processes)
     if not headset.frames:
         raise RuntimeError("live: the headset received no picture")
@@ -249,6 +265,7 @@ def _measure(
         (seconds_of_cores[0] / elapsed, seconds_of_cores[1] / elapsed, seconds_of_cores[2] / elapsed),
         now,
         status,
+        idle_stalls,
     )
 
 
