@@ -67,7 +67,7 @@ def command(
     ] = None,
     longest_update_s: Annotated[
         float | None,
-        typer.Option(help="Updates of the background take what pictures leave, until one takes longer (default 5)."),
+        typer.Option(help="Longest that an update of the background waits for pictures (default 5)."),
     ] = None,
     max_viewers: Annotated[int | None, typer.Option(help="Viewers at a time.")] = None,
     log_level: Annotated[str | None, typer.Option(help="warning, info, debug ...")] = None,

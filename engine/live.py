@@ -279,7 +279,7 @@ class Live(AbstractAsyncContextManager["Live"]):
                 settled.set_exception(error)
             return
         if not first:
-            self._patience.observe(time.monotonic() - start)
+            self._patience.observe(time.monotonic() - start, 1.0 / source.fps)
         self.timings.add(stages, "update.")
         self.frames["updated"] += 1
         self.frame_rate.count()

@@ -31,7 +31,7 @@ class ServerSettings(BaseSettings):
     background: bool = True
     jpeg_quality: int | None = Field(None, ge=1, le=100)
     target_fps: float | None = Field(None, gt=0, le=1000)  # None: pictures are what they are, as fast as it goes
-    longest_update_s: float = Field(5.0, gt=0)  # so long updates of the background take only what pictures leave
+    longest_update_s: float = Field(5.0, gt=0)  # video that does not keep up takes what pictures leave, but no longer
     render_workers: int = Field(2, ge=1, le=64)
     max_viewers: int = Field(8, ge=1)
     max_message_bytes: int = Field(MAX_MESSAGE_BYTES, ge=1 << 16)

@@ -248,10 +248,23 @@ def test_the_back_end_gives_way_until_it_takes_too_long_and_cores_are_closed_in_
     assert niceness == [behind, behind, nearer, usual]
 
 
-def test_patience_ends_where_updates_would_not_and_comes_back_with_time_to_spare() -> None:
+@pytest.mark.parametrize(
+    ("interval", "updates"),
+    [
+        (1.0, [(0.9, GENTLE), (0.9, GENTLE)]),  # the video keeps up
+        (1.0, [(1.1, FIRM), (0.9, FIRM), (0.11, FIRM), (0.09, GENTLE), (0.9, GENTLE)]),  # it does when updates compete
+        (0.1, [(1.1, FIRM), (0.4, GENTLE), *[(1.1, GENTLE)] * 15, (1.1, FIRM), (0.4, GENTLE), *[(1.1, GENTLE)] * 31]),
+        (0.1, [(5.1, FIRM), (5.1, FIRM), (0.51, FIRM), (0.49, GENTLE)]),  # pictures leave nothing
+        (0.1, [(1.1, FIRM), (0.4, GENTLE), (5.1, FIRM)]),
+        (20.0, [(4.9, GENTLE), (5.1, FIRM)]),
+    ],
+)
+def test_pictures_go_first_unless_updates_come_too_late_for_the_video(
+    interval: float, updates: list[tuple[float, int]]
+) -> None:
     patience = Patience(5.0)
-    for seconds, then in ((4.9, GENTLE), (5.1, FIRM), (5.1, FIRM), (0.51, FIRM), (0.49, GENTLE), (0.6, GENTLE)):
-        patience.observe(seconds)
+    for seconds, then in updates:
+        patience.observe(seconds, interval)
         assert patience.niceness == then
 
 

@@ -32,6 +32,7 @@ __all__ = ["LiveFigures", "measure_live", "pause_ms", "show_live"]
 _HANG_S = 600.0  # the first run compiles every kernel
 _WARM_UPDATES = 4  # with a viewer: what the first ones do is done once
 _POSE_RATE = 72.0
+_REPLAY_NICENESS = 5  # it stands for cameras, which do not take the server's cores
 _LONGEST_STALL_MS, _LONGEST_PAUSE_MS = 5, 10  # that are wanted
 _STALLS = {
     "stall": "longest event-loop stall",
@@ -158,13 +159,14 @@ def measure_live(
 ) -> tuple[LiveFigures, LiveFigures]:
     """Serve, replay in a loop and watch for some seconds; then watch half as long without the replay.
 
-    Each is a process of its own as users run them; this one is the headset. Counting begins when a few frames have been
-    taken while there was a viewer. Raises RuntimeError where one of them fails.
+    Each is a process of its own as users run them, the replay at a lower priority; this one is the headset. Counting
+    begins when a few frames have been taken while there was a viewer. Raises RuntimeError where one of them fails.
     """
     rate = [] if fps is None else ["--rate", str(fps)]
     with ExitStack() as stack:
         server, url = stack.enter_context(_served(quality))
         replay = stack.enter_context(_running("replay", str(folder), url, "--loop", *rate))
+        os.setpriority(os.PRIO_PROCESS, replay.pid, _REPLAY_NICENESS)
         _watch_until_warm(url, size, (server, replay))
         playing = _measure(url, seconds, size, server, replay)
         replay.terminate()
