@@ -162,7 +162,7 @@ class Engine:
                 if self._model is not None:
                     speed, scaled = (speeds or {}).get(name, 0.0), _scaled(viewer, settings)
                     backdrops[name], rays = self._backdrop(scaled, speed, scene, views, present)
-                    backdrops[name].mesh()
+                    _ = backdrops[name].mesh().spheres
                     pbi_rays += rays
         with timed(stages, "triangulate"):
             for viewer in viewers.values():
@@ -177,7 +177,7 @@ class Engine:
         chosen = [views[k] for k in self._select(viewer, views, scene, settings)]
         for view in chosen:
             for part in (*view.parts, "rims") if settings.rims else view.parts:
-                view.mesh(part)
+                _ = view.mesh(part).spheres
         table = ViewTable(chosen, drawn=len(chosen))
         if settings.prefilter:
             table.at(pixels_per_radian(self._target(viewer, scene)))

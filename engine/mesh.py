@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from .kernels.blocks import bound_blocks
+from .lazy import lazy
 
 __all__ = ["Mesh"]
 
@@ -27,14 +27,14 @@ class Mesh:
     triangles: npt.NDArray[np.int32]
     block_starts: npt.NDArray[np.int64] | None = None
 
-    @cached_property
+    @lazy
     def starts(self) -> npt.NDArray[np.int64]:  # [b + 1, 2]
         """`block_starts`, or those of a single block."""
         if self.block_starts is not None:
             return self.block_starts
         return np.array([[0, 0], [len(self.points), len(self.triangles)]], np.int64)
 
-    @cached_property
+    @lazy
     def spheres(self) -> npt.NDArray[np.float32]:  # [b, 4]
         """Centre and radius of a sphere round each block's points; a negative radius for an empty block."""
         spheres = np.empty((len(self.starts) - 1, 4), np.float32)

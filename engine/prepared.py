@@ -6,7 +6,6 @@ import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from .completion import Completed, complete
 from .frame import View
 from .kernels import view_table
 from .kernels.tone import IDENTITY
+from .lazy import lazy
 from .mesh import Mesh
 from .minification import Level, halved, level_for
 from .triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
@@ -99,12 +99,12 @@ class PreparedView:
             self.view.camera, codes, self.options, origin=self.origin, keep=keep, rims=rims, cuts=known
         )
 
-    @cached_property
+    @lazy
     def invalid_share(self) -> float:
         """About how much of the picture has no depth as it is drawn."""
         return float(np.mean(self.completed.codes[::8, ::8] == 0)) if self.view.camera.depth.has_invalid else 0.0
 
-    @cached_property
+    @lazy
     def table_row(self) -> npt.NDArray[np.float64]:  # [TABLE_SIZE]
         """The view as `kernels.view_table` reads it."""
         return self._table_row(self.view.camera)

@@ -9,9 +9,11 @@ import time
 
 import numpy as np
 import pytest
+from farside.engine import mesh
 from farside.engine.camera import Perspective, Pose
 from farside.engine.engine import Engine
 from farside.engine.frame import Frame
+from farside.engine.kernels.blocks import bound_blocks
 from farside.engine.metrics import psnr
 from farside.engine.prepared import PreparedView
 from farside.engine.settings import Settings
@@ -82,6 +84,7 @@ def test_a_picture_makes_nothing_that_the_update_could_have_made(quality, monkey
     made = []
     original = PreparedView._triangulate
     monkeypatch.setattr(PreparedView, "_triangulate", lambda self, part: made.append(part) or original(self, part))
+    monkeypatch.setattr(mesh, "bound_blocks", lambda *given: made.append("spheres") or bound_blocks(*given))
     engine.update(frame(0, cameras, 0.0), {"me": before})
     assert len(made) > 2
     assert set(engine.render(before, "me").left.report.views) != set(engine.render(after, "me").left.report.views)
