@@ -42,18 +42,35 @@ def srgb_from_ycbcr(ycbcr: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
 
 
 def to_glb(mesh: ColouredMesh) -> bytes:
-    """glTF binary; metres, glTF's axes (x right, y up, -z forward)."""
+    """glTF binary; metres, glTF's axes (x right, y up, -z forward).
+
+    glTF's positions are single precision: they are relative to the mesh's middle, which its node is moved to.
+    """
     x, y, z = mesh.vertices.T
-    return _file(mesh, np.stack([-y, z, -x], axis=-1), "glb")
+    vertices = np.stack([-y, z, -x], axis=-1)
+    move = np.eye(4)
+    if len(vertices):
+        move[:3, 3] = np.rint(0.5 * (vertices.min(axis=0) + vertices.max(axis=0)))
+    whole = trimesh.Trimesh(
+        vertices - move[:3, 3], mesh.triangles, vertex_colors=mesh.colours, process=False, validate=False
+    )
+    scene = trimesh.Scene()
+    scene.add_geometry(whole, transform=move)
+    data = scene.export(file_type="glb")
+    assert isinstance(data, bytes)
+    return data
 
 
 def to_ply(mesh: ColouredMesh) -> bytes:
-    """Binary PLY; metres, the world's axes (x forward, y left, z up)."""
-    return _file(mesh, mesh.vertices, "ply")
-
-
-def _file(mesh: ColouredMesh, vertices: npt.NDArray[np.float64], kind: str) -> bytes:
-    whole = trimesh.Trimesh(vertices, mesh.triangles, vertex_colors=mesh.colours, process=False, validate=False)
-    data = whole.export(file_type=kind)
-    assert isinstance(data, bytes)
-    return data
+    """Binary PLY; metres in double precision, the world's axes (x forward, y left, z up)."""
+    vertices = np.empty(len(mesh.vertices), [("position", "<f8", 3), ("colour", "u1", 3)])
+    vertices["position"], vertices["colour"] = mesh.vertices, mesh.colours
+    faces = np.empty(len(mesh.triangles), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.triangles
+    header = [
+        "ply", "format binary_little_endian 1.0",
+        f"element vertex {len(vertices)}", *(f"property double {axis}" for axis in "xyz"),
+        *(f"property uchar {colour}" for colour in ("red", "green", "blue")),
+        f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header\n",
+    ]  # fmt: skip
+    return "\n".join(header).encode() + vertices.tobytes() + faces.tobytes()

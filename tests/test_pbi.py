@@ -171,7 +171,7 @@ def test_files_hold_the_mesh_in_their_axes():
     vertices = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
     colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.uint8)
     mesh = ColouredMesh(vertices, np.array([[0, 1, 2]], np.int32), colours)
-    glb = next(iter(trimesh.load(io.BytesIO(to_glb(mesh)), file_type="glb").geometry.values()))
+    glb = trimesh.load_scene(io.BytesIO(to_glb(mesh)), file_type="glb").to_mesh()
     # Forward (x) is -z in glTF, left (y) is -x, up (z) is y; a rotation, so that winding stays.
     np.testing.assert_allclose(glb.vertices, [[0, 0, -1], [-2, 0, 0], [0, 3, 0]], atol=1e-6)
     np.testing.assert_array_equal(glb.visual.vertex_colors[:, :3], colours)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from functools import partial
 
 import numpy as np
+import trimesh
 
 from ...camera import Camera, Perspective, Pose
+from ...export_mesh import to_glb, to_ply
 from .case import Case, Measured
-from .pictures import Shot, against_home
+from .pictures import Shot, against_home, take
 from .room import CODING, Placement, rig, turned
 
 __all__ = ["moved_cases"]
@@ -34,12 +37,32 @@ def moved_cases() -> list[Case]:
         for yaw, pitch, roll in ((90, 0, 0), (37, 20, 60), (180, -85, 11))
         for pose in [turned((10.0, 20.0, 30.0), yaw, pitch, roll)]
     ]
+    files = [
+        Case(f"model as .{kind}, away by", f"{offset:g} m", partial(_exported, kind, offset))
+        for kind in ("glb", "ply")
+        for offset in (0.0, 1e7)
+    ]
     both = Placement(1e-2, turned((3e5, -2e6, 8e4), 123, -45, 67))
-    return [*offsets, *scales, *turns, Case("scaled, turned and away by", "1e-2, 2e6 m", partial(_placed, both))]
+    all_three = Case("scaled, turned and away by", "1e-2, 2e6 m", partial(_placed, both))
+    return [*offsets, *scales, *turns, all_three, *files]
 
 
 def _offset(metres: float) -> Pose:
     return Pose((metres, -0.7 * metres, 0.3 * metres))
+
+
+def _exported(kind: str, offset: float) -> list[Measured]:
+    """Vertices of the model's file against those of the model; single precision of the mesh's own extent at most."""
+    _picture, engine = take(Shot(_TARGET, rig()), Placement(pose=_offset(offset)))
+    mesh = engine.mesh()
+    data = io.BytesIO((to_glb if kind == "glb" else to_ply)(mesh))
+    read = trimesh.load_scene(data, file_type=kind, process=False).to_mesh()
+    expected = mesh.vertices
+    if kind == "glb":
+        expected = np.stack([-expected[:, 1], expected[:, 2], -expected[:, 0]], axis=-1)
+    largest = float(np.ptp(expected, axis=0).max())
+    bound = 2.0**-24 * largest + float(np.spacing(abs(expected).max()))
+    return [Measured(float(np.abs(read.vertices - expected).max()), bound, "m")]
 
 
 def _placed(placement: Placement) -> list[Measured]:

@@ -15,8 +15,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from ...camera import Camera, Perspective
+from ...camera import Camera, Equirectangular, Perspective
 from ...engine import Engine
+from ...frame import Frame
+from ...minification import level_for
 from ...prepared import pixels_per_radian
 from ...scene import Scene
 from ...settings import Settings
@@ -35,18 +37,31 @@ _CODE = 1.0  # rounding of a source's code and of the picture's, half a code eac
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture of a room from a rig, all as it stands at home; `frames` times the same frame is shown."""
+    """A picture of a room from a rig, all as it stands at home; `frames` times the same frame is shown.
+
+    noise: the largest share of its disparity by which a pixel's depth is wrong, evenly spread.
+    """
 
     target: Camera
     cameras: Sequence[Camera]
     room: Room = field(default_factory=Room)
     settings: Settings = field(default_factory=lambda: Settings.preset("balanced"))
     frames: int = 2
+    noise: float = 0.0
+
+    def frame(self) -> Frame:
+        """What the rig records."""
+        rng, views = np.random.default_rng(5), []
+        for view in self.room.frame(self.cameras).views:
+            wrong = 1.0 + self.noise * rng.uniform(-1.0, 1.0, view.codes.shape)
+            depth = view.camera.depth.depth(view.codes) / wrong
+            views.append(dataclasses.replace(view, codes=view.camera.depth.codes(depth)) if self.noise else view)
+        return Frame(0, tuple(views))
 
 
 def take(shot: Shot, placement: Placement = HOME) -> tuple[RenderedPicture, Engine]:
     """The picture with the background model behind it, everything placed in the world."""
-    target, frame = placement.camera(shot.target), placement.frame(shot.room.frame(shot.cameras))
+    target, frame = placement.camera(shot.target), placement.frame(shot.frame())
     engine = Engine([view.camera for view in frame.views], shot.settings)
     for index in range(shot.frames):
         engine.update(dataclasses.replace(frame, index=index), {"viewer": target})
@@ -67,7 +82,6 @@ def against_truth(shot: Shot, picture: RenderedPicture) -> list[Measured]:
     q = 1.0 / truth.depth
     along, across, texel = _moved(shot, truth)
     stretch = _stretch(shot.target) * pixels_per_radian(shot.target)
-    texel = np.maximum(1.0, 2.0 * stretch * texel)
     luma_bound = _CODE + stretch * across * _steepest(truth.luma) + 0.5 * texel**2 * _sharpest(truth.luma)
     return [
         _worst(np.abs(picture.disparity - q), along + stretch * across * _steepest(q), solid, "1/m"),
@@ -77,22 +91,24 @@ def against_truth(shot: Shot, picture: RenderedPicture) -> list[Measured]:
 
 def _moved(shot: Shot, truth: Sight) -> tuple[F64, F64, F64]:  # [h, w] each
     """By how much what the target sees may be moved along its rays (disparity, 1/m), and across them (radians); and how
-    large a camera's texel is there (radians).
+    long a camera's texel is there (pixels of the picture, at least 1).
 
-    A camera's mesh is off by its tolerance or the rounding of codes, along the camera's rays."""
-    frame = shot.room.frame(shot.cameras)
-    scene = Scene.of(shot.cameras, shot.settings, frame)
+    A camera's mesh is off by its tolerance or the rounding of codes, along the camera's rays. With noise it is off by
+    as much at its corners, and goes on by as much to a pixel between them."""
+    scene = Scene.of(shot.cameras, shot.settings, shot.frame())
     points = _points(shot.target, truth)
     eye = np.linalg.norm(points - shot.target.pose.position, axis=-1)
-    along, across, texel = np.zeros(eye.shape), np.zeros(eye.shape), np.zeros(eye.shape)
+    along, across, texel = np.zeros(eye.shape), np.zeros(eye.shape), np.ones(eye.shape)
     for camera in shot.cameras:
         distance = np.linalg.norm(points - camera.pose.position, axis=-1)
         off = max(scene.triangulation(camera, shot.settings).tolerance, camera.depth.step) + 2.0 * camera.depth.step
+        off += 2.0 * shot.noise / distance
         moved = off * distance * distance  # metres
         area = np.linalg.norm(np.cross(points - camera.pose.position, points - shot.target.pose.position), axis=-1)
         along = np.maximum(along, moved / eye**2)
         across = np.maximum(across, moved * area / (distance * eye**2))
-        texel = np.maximum(texel, distance / (_coarser_axis(camera) * eye))
+        reduced = 2.0 ** level_for(pixels_per_radian(camera) / pixels_per_radian(shot.target))
+        texel = np.maximum(texel, reduced * _texel(camera, points))
     return along, across, texel
 
 
@@ -162,10 +178,22 @@ def _calm(surface: npt.NDArray[np.int64], reach: int) -> B1:
     return calm
 
 
-def _coarser_axis(camera: Camera) -> float:
-    """Pixels a radian along the axis that has fewer."""
-    p = camera.projection
-    return min(abs(p.fx), abs(p.fy)) if isinstance(p, Perspective) else pixels_per_radian(camera)
+def _texel(camera: Camera, points: F64) -> F64:  # [h, w, 3] -> [h, w]
+    """Length of a camera's texel in a picture of these points, pixels: the inverse of how little a step in the picture
+    moves the point's image in the camera. 0 where there is none."""
+    uv, _depth = camera.project(points)
+    turn = camera.width if isinstance(camera.projection, Equirectangular) and camera.projection.wraps else np.inf
+    steps = []
+    for axis in (0, 1):
+        step = 0.5 * (np.roll(uv, -1, axis) - np.roll(uv, 1, axis))
+        step[..., 0] -= turn * np.rint(step[..., 0] / turn) if np.isfinite(turn) else 0.0
+        steps.append(step)
+    (a, b), (c, d) = (np.moveaxis(step, -1, 0) for step in steps)
+    sum2, area = a * a + b * b + c * c + d * d, a * d - b * c
+    least2 = 0.5 * (sum2 - np.sqrt(np.maximum(sum2**2 - 4.0 * area**2, 0.0)))  # the smaller singular value's square
+    with np.errstate(divide="ignore"):
+        texel: F64 = np.nan_to_num(1.0 / np.sqrt(np.maximum(least2, 0.0)), nan=0.0)
+    return texel
 
 
 def _stretch(camera: Camera) -> F64:  # [h, w]
