@@ -56,7 +56,7 @@ def to_glb(mesh: ColouredMesh) -> bytes:
     )
     scene = trimesh.Scene()
     scene.add_geometry(whole, transform=move)
-    data = scene.export(file_type="glb")
+    data = scene.export(file_type="glb")  # type: ignore[no-untyped-call]
     assert isinstance(data, bytes)
     return data
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import unproject_point
-from .rays import INVALID_ID, ROUNDING, farthest_hit, intersect1
+from .rays import BESIDE_PX, INVALID_ID, ROUNDING, farthest_hit, intersect1
 from .sight import looks_through, shows
 
 __all__ = ["standing_hit"]
@@ -43,8 +43,25 @@ def standing_hit(
     through it. What lies within `slack` metres of the farthest hit is taken to be that surface, and it is the last
     resort: whether it is a ghost the front end sees. owners [geometries, >= 3]: column 2 is a geometry's view;
     table: views as `kernels.view_table` has them; codes [views, 2]: addresses of their present codes and of their
-    maximum depth images.
+    maximum depth images. What hits nothing is asked again a little beside (see `rays.BESIDE_PX`).
     """
+    distance, hu, hv, geometry, primitive, length, rays = _standing_along(
+        function, scene, camera, bounds, u, v, near, owners, table, codes, slack
+    )
+    if distance < 0.0:
+        distance, hu, hv, geometry, primitive, length, more = _standing_along(
+            function, scene, camera, bounds, u + BESIDE_PX, v - BESIDE_PX, near, owners, table, codes, slack
+        )
+        rays += more
+    return distance, hu, hv, geometry, primitive, length, rays
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _standing_along(
+    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, near: float,
+    owners: I64, table: F64, codes: I64, slack: float,
+) -> tuple[float, float, float, int, int, float, int]:  # fmt: skip
+    """`standing_hit` along a single ray."""
     px, py, pz = unproject_point(camera, u, v, 1.0)
     ox, oy, oz = np.float32(camera[16]), np.float32(camera[17]), np.float32(camera[18])
     # Directions as long as a depth of 1: distances along them are depths.

@@ -6,10 +6,11 @@ from .cameras import camera_cases
 from .case import Case, Row, run
 from .depths import depth_cases
 from .moved import moved_cases
+from .rays import ray_cases
 
 __all__ = ["Case", "Row", "all_cases", "run"]
 
 
 def all_cases() -> list[Case]:
     """Every case, in the order of the table."""
-    return [*moved_cases(), *depth_cases(), *camera_cases()]
+    return [*moved_cases(), *depth_cases(), *camera_cases(), *ray_cases()]

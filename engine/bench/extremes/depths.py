@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ...camera import Camera, Perspective
 from ...depth import DepthCoding
@@ -21,8 +19,6 @@ from .pictures import Shot, against_truth, take
 from .room import CODING, Room, rig, turned
 
 __all__ = ["depth_cases"]
-
-Codes = npt.NDArray[np.int64]
 
 _FLAT = Perspective.from_fov(80, 60, 1.4)
 _HOME = turned((0.05, 0.11, 0.02), 4, 2, -3)
@@ -55,40 +51,39 @@ def _codings() -> list[Case]:
 
 def _codes() -> list[Case]:
     """One camera at whose place the viewer stands: the picture is the view."""
-    cases = []
-    for name, coding in {
+    codings = {
         "far 20 m": dataclasses.replace(CODING, has_invalid=False),
         "far infinite": DepthCoding(0.4, math.inf),
         "8 bits": DepthCoding(0.4, 20.0, 8),
-    }.items():
+    }
+    cases = []
+    for name, coding in codings.items():
         top = coding.max_code
-        patterns: dict[str, Callable[[Codes, Codes], Codes]] = {
-            "all 0": lambda x, y: 0 * x,
-            "all 1": lambda x, y: 0 * x + 1,
-            "all the largest": lambda x, y, top=top: 0 * x + top,
-            "0 and the largest by turns": lambda x, y, top=top: (x + y) % 2 * top,
-            "1 more and less by turns": lambda x, y, top=top: top // 5 + (x + y) % 2,
-            "any": lambda x, y, top=top: np.random.default_rng(1).integers(0, top + 1, x.shape),
+        alternating = {
+            "all 0": (0, 0),
+            "all 1": (1, 1),
+            "all the largest": (top, top),
+            "0 and the largest by turns": (0, top),
+            "1 more and less by turns": (top // 5, top // 5 + 1),
         }
         cases += [
-            Case(f"depth codes, {name}", pattern, partial(_coded, coding, codes)) for pattern, codes in patterns.items()
+            Case(f"depth codes, {name}", pattern, partial(_coded, coding, *codes))
+            for pattern, codes in alternating.items()
         ]
+    none = partial(_coded, CODING, 0, 0)
     return [
         *cases,
-        Case(
-            "depth codes", "none valid at first", partial(_coded, CODING, lambda x, y: 0 * x),
-            refused="frame 0: no view has a valid depth",
-        ),
-        Case("depth codes", "every second valid", partial(_coded, CODING, lambda x, y: (x + y) % 2 * 9000)),
-    ]  # fmt: skip
+        Case("depth codes", "none valid at first", none, refused="frame 0: no view has a valid depth"),
+        Case("depth codes", "every second valid", partial(_coded, CODING, 0, 9000)),
+    ]
 
 
-def _coded(coding: DepthCoding, codes: Callable[[Codes, Codes], Codes]) -> list[Measured]:
-    """Luma against the view's own, and disparity between the least and the largest that the view has."""
+def _coded(coding: DepthCoding, even: int, odd: int) -> list[Measured]:
+    """Luma against the view's own, and disparity between the least and the largest that the view has; its codes are
+    those of a chess board."""
     camera = rig((36, 24), coding=coding)[0]
-    view = Room().view(camera)
-    y, x = np.indices(view.codes.shape)
-    view = View(camera, view.texture, np.ascontiguousarray(codes(x, y), np.uint16))
+    board = np.indices((camera.height, camera.width)).sum(axis=0) % 2
+    view = View(camera, Room().view(camera).texture, np.where(board, odd, even).astype(np.uint16))
     viewer = dataclasses.replace(camera, name="target")
     engine = Engine([camera], Settings.preset("balanced", antialias="none"))  # every pixel may be an outline
     for index in range(3):
