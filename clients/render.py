@@ -54,6 +54,10 @@ def command(
         float | None, typer.Option(help="Triangulation error in pixels; 0: two triangles a pixel.")
     ] = None,
     delta: Annotated[float | None, typer.Option(help="Culling tolerance, metres (the paper's: 0.2).")] = None,
+    viewing_space: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(metavar="X Y Z R", help="Heads stay in this ball, metres: what it cannot see is not kept."),
+    ] = None,
     exposure: Annotated[
         float | None,
         typer.Option(help="Time constant of following the views' exposure and white balance, s; 0: leave them."),
@@ -70,8 +74,8 @@ def command(
     opened = open_sequence(sequence)
     given = {
         "n_render": views, "n_init": init, "n_update": update, "tolerance_px": tolerance, "delta_m": delta,
-        "exposure_s": exposure, "update_interval": update_interval, "output_scale": output_scale,
-        "fill": None if fill else "none",
+        "viewing_space": viewing_space, "exposure_s": exposure, "update_interval": update_interval,
+        "output_scale": output_scale, "fill": None if fill else "none",
     }  # fmt: skip
     changes = {name: value for name, value in given.items() if value is not None}
     settings = Settings.preset(quality, background=background, **changes)

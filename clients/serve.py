@@ -61,6 +61,10 @@ def command(
     ] = None,
     jpeg_quality: Annotated[int | None, typer.Option(help="1 to 100.")] = None,
     background: Annotated[bool | None, typer.Option(help="Build and render the background model.")] = None,
+    viewing_space: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(metavar="X Y Z R", help="Heads stay in this ball, metres: what it cannot see is not kept."),
+    ] = None,
     target_fps: Annotated[
         float | None,
         typer.Option(help="Hold this many pairs a second: quality changes with the load, up to --quality at best."),
@@ -85,6 +89,7 @@ def command(
         output_scale=output_scale,
         jpeg_quality=jpeg_quality,
         background=background,
+        viewing_space=viewing_space,
         target_fps=target_fps,
         longest_update_s=longest_update_s,
         max_viewers=max_viewers,

@@ -39,6 +39,9 @@ class Settings:
     overdraw: bool = True  # lay the backdrop over everything, not only where the views left holes
     rims: bool = True  # pixels at depth edges keep their full square where no view has a surface
     baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
+    # Heads stay in a ball, x, y, z and radius in metres of the world: what of the background faces away from all of it
+    # is not kept. None: they go anywhere.
+    viewing_space: tuple[float, float, float, float] | None = None
     max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two up to 32
     delta_m: float | None = None  # culling tolerance (delta); the paper's is 0.2
     culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
@@ -80,6 +83,9 @@ class Settings:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected 0.05 to 4")
         if self.delta_m is not None and self.delta_m < 0:
             raise ValueError(f"delta_m: {self.delta_m!r}: expected at least 0")
+        space = self.viewing_space
+        if space is not None and not (len(space) == 4 and all(map(math.isfinite, space)) and space[3] >= 0):
+            raise ValueError(f"viewing_space: {space!r}: expected x, y, z and a radius, metres")
         if self.backdrop not in BACKDROPS:
             raise ValueError(f"backdrop: {self.backdrop!r}: expected one of {', '.join(BACKDROPS)}")
         if self.antialias not in ANTIALIASES:

@@ -29,6 +29,7 @@ class ServerSettings(BaseSettings):
     update_interval: int | None = Field(None, ge=1)
     output_scale: float | None = Field(None, ge=0.05, le=4.0)
     background: bool = True
+    viewing_space: tuple[float, float, float, float] | None = None  # x, y, z and radius, metres
     jpeg_quality: int | None = Field(None, ge=1, le=100)
     target_fps: float | None = Field(None, gt=0, le=1000)  # None: pictures are what they are, as fast as it goes
     longest_update_s: float = Field(5.0, gt=0)  # video that does not keep up takes what pictures leave, but no longer
@@ -58,5 +59,6 @@ class ServerSettings(BaseSettings):
             "output_scale": self.output_scale,
             "jpeg_quality": self.jpeg_quality,
             "background": self.background,
+            "viewing_space": self.viewing_space,
         }
         return {name: value for name, value in given.items() if value is not None}

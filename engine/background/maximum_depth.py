@@ -92,6 +92,13 @@ class MaximumDepthImage:
         )  # fmt: skip
 
     @property
+    def memory(self) -> int:
+        """Bytes of its arrays of pixels."""
+        flags = (self.updated, self.kept, self.provisional, self.fused)
+        codes = (self.codes, self._limits, *_planes(self.texture))
+        return sum(array.nbytes for array in flags) + sum(array.nbytes for array in codes)
+
+    @property
     def rounds(self) -> int:
         """How often all pixels had their chance to be fused."""
         return self._number // PHASES

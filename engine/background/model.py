@@ -31,6 +31,7 @@ from .directions import ChangedDirections
 from .maximum_depth import BLOCK, MaximumDepthImage, coding_row
 from .pbs import ProbableBackgroundSurface, Surface
 from .tolerances import Tolerances, sampled_disparity, scene_tolerances, with_noise
+from .viewing_space import ViewingSpace
 
 __all__ = ["BackgroundModel", "UpdateReport"]
 
@@ -66,6 +67,8 @@ class BackgroundModel:
         self.cameras = tuple(cameras)
         self.settings = settings
         self._origin = np.asarray(scene.origin, np.float64)
+        ball = settings.viewing_space
+        self._space = None if ball is None else ViewingSpace.relative_to(self._origin, ball)
         self._packed = np.zeros((len(self.cameras), CAMERA_SIZE))
         self._options = [scene.triangulation(camera, settings) for camera in self.cameras]
         self._pbs = ProbableBackgroundSurface(len(self.cameras))
@@ -109,6 +112,16 @@ class BackgroundModel:
             "s_pbs": sum(len(surface.invalid) for surface in static),
             "s_pbs_valid": sum(surface.valid_count for surface in static),
             "p_pbs": sum(surface.valid_count for surface in progressive),
+        }
+
+    @property
+    def memory(self) -> dict[str, int]:
+        """Bytes: images (what each camera has seen, by pixel) and surfaces (triangles, their points and marks)."""
+        with self._lock:
+            surfaces = list(self._pbs.surfaces())
+        return {
+            "images": sum(image.memory for image in self._images),
+            "surfaces": sum(surface.memory for surface in surfaces),
         }
 
     def update(self, frame: Frame, tones: npt.NDArray[np.float64] | None = None) -> UpdateReport:
@@ -173,7 +186,8 @@ class BackgroundModel:
         """A camera's mesh whose pixels keep their squares at depth edges: a gap of a pixel between someone and the wall
         would be a hole in the background, and let rays through to what is behind."""
         options = dataclasses.replace(self._options[c], extend_edges=True)
-        return triangulate(self.cameras[c], codes, options, origin=self._origin, keep=keep)
+        mesh = triangulate(self.cameras[c], codes, options, origin=self._origin, keep=keep)
+        return mesh if self._space is None else self._space.seen(mesh)
 
     # Every later frame (section 3.3.3)
 

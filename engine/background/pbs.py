@@ -35,6 +35,13 @@ class Surface:
         """Triangles that are there."""
         return len(self.invalid) - int(np.count_nonzero(self.invalid))
 
+    @property
+    def memory(self) -> int:
+        """Bytes of its arrays, the ray tracer's own not among them."""
+        mesh = self.mesh
+        mine = mesh.points.nbytes + mesh.uv.nbytes + mesh.triangles.nbytes
+        return mine + self.marks.nbytes + self.invalid.nbytes
+
 
 class ProbableBackgroundSurface:
     """S-PBS and P-PBS, per camera at most one surface in each; each surface is a geometry of one scene.
