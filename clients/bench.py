@@ -99,12 +99,16 @@ def command(
     extremes: Annotated[
         bool, typer.Option("--extremes", help="Errors against oracles at the extremes of every number; 1 if any fails.")
     ] = False,
+    spared: Annotated[
+        str | None, typer.Option(metavar="NAME,...", help="Work and memory that twins do not need, and are spared.")
+    ] = None,
     scale: Annotated[float, typer.Option(help="Size of a twin's pictures.")] = 0.25,
     frames: Annotated[
         int | None,
         typer.Option(
             min=1,
-            help="Frames at most (--stages 8, --trade 12, --accuracy, --fill 16, --targets 48, --flicker 60, or 100).",
+            help="Frames at most (--stages 8, --trade 12, --accuracy, --fill 16, --spared 30, --targets 48, "
+            "--flicker 60, or 100).",
         ),
     ] = None,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for plots, pictures and figures.")] = None,
@@ -118,6 +122,7 @@ def command(
         "--peers": peers, "--ghosts": ghosts, "--noise": noise, "--model": model, "--pairs": pairs,
         "--sparse": sparse, "--backdrop": backdrop, "--exposure": exposure, "--minified": minified, "--fill": fill,
         "--flicker": flicker, "--live": live, "--stages": stages, "--targets": targets, "--scaling": scaling,
+        "--spared": spared,
     }  # fmt: skip
     if not (accuracy or trade or extremes) and all(chosen is None for chosen in wishes.values()):
         raise ValueError(
@@ -198,6 +203,10 @@ def command(
         from .benchmarks.targets import show_scaling
 
         show_scaling(scaling, scale, quality, report)
+    if spared is not None:
+        from .benchmarks.spared import show_spared
+
+        show_spared(spared.split(","), scale, frames or 30)
     if flicker is not None:
         from .benchmarks.filling import show_flicker
 

@@ -1,0 +1,24 @@
+"""`farside bench --spared`: work and memory that scenes do not need, and are spared."""
+
+from __future__ import annotations
+
+from farside.engine.bench.spared import spared_rows
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+__all__ = ["show_spared"]
+
+
+def show_spared(names: list[str], scale: float, frames: int) -> None:
+    """Print a row for each kind of work in each twin."""
+    title = f"Twins at scale {scale:g}, {frames} frames, balanced, one head amid the cameras; CPU of one thread"
+    table = Table(title=title)
+    for column in ("scene", "what", "all", "left", "saved"):
+        table.add_column(column, justify="left" if column in ("scene", "what") else "right")
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task("playing frames (the first run compiles kernels)", total=2 * frames * len(names))
+        for row in spared_rows(names, scale, frames, lambda: bar.advance(task)):
+            values = (f"{value:,.4g} {row.unit}" if row.unit else f"{value:,.0f}" for value in (row.all, row.left))
+            table.add_row(row.scene, row.what, *values, f"{100 * row.saved:.0f} %")
+    Console(width=140).print(table)
