@@ -57,13 +57,7 @@ def depth_cuts(
     keep: npt.NDArray[np.uint8] | None = None,
 ) -> npt.NDArray[np.uint8]:
     """Flags [h, w] of a view's pixels: where its surface is cut at depth edges, see `kernels.cuts`."""
-    h, w = camera.height, camera.width
-    _check("codes", codes, (h, w), np.uint16)
-    if keep is not None:
-        _check("keep", keep, (h, w), np.uint8)
-    flags = np.empty((h, w), np.uint8)
-    _mark_cuts(camera, codes, options, keep, np.ones(_tiling(h, w), np.uint8), flags)
-    return flags
+    return _cuts(camera, codes, options, keep, np.ones_like(_Blocks(camera).states))
 
 
 def triangulate(
@@ -85,13 +79,17 @@ def triangulate(
     and no merged triangle spans kept and other pixels. Points are relative to `origin`, metres. Raises ValueError
     for arrays of another shape or type.
     """
-    flags = depth_cuts(camera, codes, options, keep) if cuts is None else cuts
     both = kernels.BOTH if options.extend_edges else kernels.SURFACE
     blocks = _Blocks(camera)
-    everything = np.ones_like(blocks.states)
-    _split(camera, codes, flags, options, everything, blocks)
+    made = np.ones_like(blocks.states)
+    if keep is not None and cuts is None:  # what is kept may be little
+        _check("keep", keep, (camera.height, camera.width), np.uint8)
+        change_kernels.kept_blocks(keep, _wraps(camera), made)
+        blocks.splits[made == 0] = 0
+    flags = _cuts(camera, codes, options, keep, made) if cuts is None else cuts
+    _split(camera, codes, flags, options, made, blocks)
     _join(camera, blocks.splits)
-    return _mesh(camera, codes, flags, blocks, everything, origin, kernels.RIMS if rims else both)
+    return _mesh(camera, codes, flags, blocks, made, origin, kernels.RIMS if rims else both)
 
 
 class Triangulator:
@@ -174,6 +172,24 @@ class _Blocks:
             self.splits[:], self.states[:] = like.splits, like.states
 
 
+def _cuts(
+    camera: Camera,
+    codes: npt.NDArray[np.uint16],
+    options: TriangulationOptions,
+    keep: npt.NDArray[np.uint8] | None,
+    made: npt.NDArray[np.uint8],
+) -> npt.NDArray[np.uint8]:  # [h, w]
+    """Flags of the pixels of some blocks and of those round them; anything elsewhere."""
+    shape = camera.height, camera.width
+    _check("codes", codes, shape, np.uint16)
+    if keep is not None:
+        _check("keep", keep, shape, np.uint8)
+    flags, wanted = np.empty(shape, np.uint8), np.empty(_tiling(*shape), np.uint8)
+    change_kernels.changed_flags(made, wanted)
+    _mark_cuts(camera, codes, options, keep, wanted, flags)
+    return flags
+
+
 def _mark_cuts(
     camera: Camera,
     codes: npt.NDArray[np.uint16],
@@ -222,9 +238,10 @@ def _mesh(
     """Make some blocks' triangles; the others are as they were before."""
     wraps, splits, states = _wraps(camera), blocks.splits, blocks.states
     if before is None:
-        before = Mesh(np.empty((0, 3), np.float32), np.empty((0, 2), np.float32), np.empty((0, 3), np.int32))
+        nothing = np.empty((0, 3), np.float32), np.empty((0, 2), np.float32), np.empty((0, 3), np.int32)
+        before = Mesh(*nothing, np.zeros((states.size + 1, 2), np.int64))
     used = np.empty((*states.shape, split_kernels.SIDE), np.int64)
-    counts = np.diff(before.starts, axis=0) if before.block_starts is not None else np.empty((states.size, 2), np.int64)
+    counts = np.diff(before.starts, axis=0) if before.block_starts is not None else np.zeros((states.size, 2), np.int64)
     kernels.count_triangles(flags, splits, states, wraps, parts, remade, used, counts)
     starts = np.zeros((states.size + 1, 2), np.int64)
     np.cumsum(counts, axis=0, out=starts[1:])

@@ -162,7 +162,7 @@ def test_marks_by_triangle_are_those_of_the_slow_twin(size_px, delta, share):
     packed[numbers] = [camera.packed() for camera in cameras]
     samples = SAMPLES if size_px > SMALL_PX else SAMPLES[:1]
     expected = slow_rays.background(cameras, samples, points, triangles, delta)  # [cameras, triangles]
-    rays = mark_missed(pbs, numbers, packed, delta, share=share)
+    rays, left = mark_missed(pbs, numbers, packed, delta, share=share)
     marks = np.concatenate([s.marks for s in pbs.surfaces()])
     np.testing.assert_array_equal(marks.any(axis=1), expected.any(axis=0))
     for number, by_camera in zip(numbers, expected, strict=True):
@@ -170,7 +170,10 @@ def test_marks_by_triangle_are_those_of_the_slow_twin(size_px, delta, share):
         assert not np.any((marks[:, word] >> np.uint64(bit) & np.uint64(1) != 0) & ~by_camera)
     assert 0 < np.count_nonzero(marks.any(axis=1)) < len(triangles) < rays
     unmarked = np.count_nonzero(~marks.any(axis=1))
-    assert cull_unmarked(pbs) == unmarked
+    for surface, missed in left:
+        np.testing.assert_array_equal(missed, np.flatnonzero(~surface.marks.any(axis=1)))
+    assert cull_unmarked(pbs, left) == unmarked
+    assert cull_unmarked(pbs) == 0
 
 
 @pytest.mark.parametrize("box_y", [0.0, 0.5])

@@ -198,6 +198,25 @@ def test_kept_pixels_alone_are_triangulated(case, block, tolerance, share):
         assert len(at) == 3 or kept.all()
 
 
+@pytest.mark.parametrize("kind", [FLAT, WRAPPING])
+@pytest.mark.parametrize("w", [193, 200, 224])
+def test_of_a_large_view_of_which_little_is_kept_only_that_is_triangulated(kind, w):
+    rng = np.random.default_rng(w)
+    camera = make_camera(kind, w, 130, has_invalid=True)
+    codes = make_codes(rng, w, 130, noise=3.0, steps=3, invalid=0.01, wraps=kind == WRAPPING)
+    keep = np.zeros_like(codes, np.uint8)
+    for y, x in [(0, 0), (40, w - 1), (64, 63), (95, 32), (129, 96)]:
+        keep[max(y - 3, 0) : y + 4, max(x - 4, 0) : x + 3] = 1
+    for extend in (False, True):
+        bounds = options(camera, 600.0, 7.0, extend_edges=extend)
+        mesh = triangulate(camera, codes, bounds, keep=keep)
+        whole = triangulate(camera, codes, bounds, keep=keep, cuts=depth_cuts(camera, codes, bounds, keep))
+        q = quads(camera, codes, 600.0, keep)
+        np.testing.assert_array_equal(coverage(mesh, q), coverage(whole, q))
+        assert coverage(mesh, q).any()
+        assert len(mesh.triangles) <= len(whole.triangles)
+
+
 @quick
 @given(maps(), blocks, st.sampled_from([0.0, 7.0]))
 def test_rims_are_the_quarters_of_cut_quads(case, block, tolerance):

@@ -10,20 +10,28 @@ of the S-PBS that was flagged stays flagged, as in the paper: rays no longer see
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..embree import MarkQuery
-from ..kernels.culling import mark_by_triangle, mark_grid
+from ..kernels.culling import list_unmarked, mark_by_triangle, mark_grid
 from .pbs import ProbableBackgroundSurface, Surface
 
-__all__ = ["clear_marks", "cull_unmarked", "mark_background", "mark_missed"]
+__all__ = ["Unmarked", "clear_marks", "cull_unmarked", "mark_background", "mark_missed"]
 
 FloatArray = npt.NDArray[np.float64]
 
 _RUN = 64  # neighbouring triangles that begin with the same camera
+
+
+class Unmarked(NamedTuple):
+    """Valid triangles (numbers [n]) of a surface that have no mark."""
+
+    surface: Surface
+    triangles: npt.NDArray[np.int64]
 
 
 def mark_background(
@@ -53,41 +61,41 @@ def clear_marks(pbs: ProbableBackgroundSurface, camera: int) -> None:
 
 def mark_missed(
     pbs: ProbableBackgroundSurface, cameras: Sequence[int], packed: FloatArray, delta_m: float, *, share: bool = False
-) -> int:
-    """Looks again at triangles without a mark: the first of the cameras that finds one marks it; returns the rays.
+) -> tuple[int, list[Unmarked]]:
+    """Looks again at triangles without a mark: the first of the cameras that finds one marks it; returns the rays, and
+    what is left without a mark.
 
     Rays go through points of the triangles, and only as far as there could be something behind them: an error-bounded
     mesh has triangles smaller than any stride, and far fewer triangles than pictures have pixels. With one mark each,
     triangles are looked at again in that camera's next turn, not in every one. `packed` [all cameras, 20]; with
     `share` the cameras start on other triangles each, which evens out their turns.
     """
-    order, rays = np.array(cameras, np.int64), 0
-    if not len(order):
-        return 0
-    for surface in pbs.surfaces():
-        missed = np.flatnonzero(_unmarked(surface))
-        if len(missed):
+    order, rays, left = np.array(cameras, np.int64), 0, []
+    for surface, missed in _list_unmarked(pbs):
+        if len(missed) and len(order):
             mesh = surface.mesh
             rays += mark_by_triangle(
                 pbs.intersect, pbs.scene, packed, order, _RUN if share else 0, pbs.bounds, mesh.points, mesh.uv,
                 mesh.triangles, missed, delta_m, surface.marks,
             )  # fmt: skip
-    return int(rays)
+            missed = missed[(surface.marks[missed] == 0).all(axis=1)]
+        left.append(Unmarked(surface, missed))
+    return int(rays), left
 
 
-def cull_unmarked(pbs: ProbableBackgroundSurface) -> int:
-    """Flags as invalid what no camera has marked; returns how many triangles were valid before."""
-    count = 0
+def cull_unmarked(pbs: ProbableBackgroundSurface, unmarked: Sequence[Unmarked] | None = None) -> int:
+    """Flags as invalid what no camera has marked; returns how many triangles were valid before. `unmarked`: which, if
+    known."""
+    known = _list_unmarked(pbs) if unmarked is None else unmarked
+    for surface, triangles in known:
+        surface.invalid[triangles] = 1
+    return sum(len(triangles) for _surface, triangles in known)
+
+
+def _list_unmarked(pbs: ProbableBackgroundSurface) -> list[Unmarked]:
+    unmarked = []
     for surface in pbs.surfaces():
-        unmarked = _unmarked(surface)
-        surface.invalid[unmarked] = 1
-        count += int(np.count_nonzero(unmarked))
-    return count
-
-
-def _unmarked(surface: Surface) -> npt.NDArray[np.bool_]:  # [m]
-    """Which valid triangles have no mark."""
-    unmarked: npt.NDArray[np.bool_] = surface.invalid == 0
-    for word in range(surface.marks.shape[1]):
-        unmarked &= surface.marks[:, word] == 0
+        numbers = np.empty(len(surface.invalid), np.int64)
+        count = list_unmarked(surface.marks, surface.invalid, numbers)
+        unmarked.append(Unmarked(surface, numbers[:count]))
     return unmarked

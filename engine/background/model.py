@@ -331,9 +331,10 @@ class BackgroundModel:
             if stride := self.settings.culling_stride:
                 report.rays += mark_background(self._pbs, c, self._packed[c], stride, self.delta)
         order = [*cameras, *(c for c in self._fixed() if c not in cameras)]
-        report.rays += mark_missed(self._pbs, order, self._packed, self.delta, share=share)
+        rays, unmarked = mark_missed(self._pbs, order, self._packed, self.delta, share=share)
+        report.rays += rays
         with self._lock:
-            report.culled += cull_unmarked(self._pbs)
+            report.culled += cull_unmarked(self._pbs, unmarked)
 
     # What is made of it
 

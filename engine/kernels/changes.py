@@ -10,7 +10,7 @@ from . import lanes
 from .lanes import LANES
 from .splits import BLOCK
 
-__all__ = ["changed_blocks", "changed_flags", "note_changes", "remade_blocks"]
+__all__ = ["changed_blocks", "changed_flags", "kept_blocks", "note_changes", "remade_blocks"]
 
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
@@ -95,3 +95,35 @@ def remade_blocks(changed: U8, splits: I64, before: I64, remade: U8) -> None:
             for k in range(splits.shape[2]):
                 other |= splits[i, j, k] ^ before[i, j, k]
             remade[i, j] = (changed[i, j] != 0) | (other != 0)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True)
+def _tiles_with(keep: U8, tiles: U8) -> None:
+    """tiles [ceil(h / 32), ceil(w / 32)]: 1 where one of a tile's pixels is kept."""
+    h, w = keep.shape
+    for row in numba.prange(tiles.shape[0]):
+        i = int(np.int64(row))
+        for j in range(tiles.shape[1]):
+            found = np.uint8(0)
+            for y in range(BLOCK * i, min(BLOCK * (i + 1), h)):
+                for x in range(BLOCK * j, min(BLOCK * (j + 1), w)):
+                    found |= keep[y, x]
+            tiles[i, j] = found != 0
+
+
+@numba.njit(cache=True, nogil=True)
+def kept_blocks(keep: U8, wraps: bool, blocks: U8) -> None:
+    """blocks [rows, columns]: 1 where a block's triangles have kept pixels, or a block beside it has such."""
+    tiles = np.empty(((keep.shape[0] + BLOCK - 1) // BLOCK, (keep.shape[1] + BLOCK - 1) // BLOCK), np.uint8)
+    _tiles_with(keep, tiles)
+    rows, columns = tiles.shape
+    for i in range(blocks.shape[0]):
+        for j in range(blocks.shape[1]):
+            blocks[i, j] = 0
+            # Blocks reach a pixel into the tiles behind them, and those beside them as far again.
+            for y in range(max(i - 1, 0), min(i + 3, rows)):
+                for x in range(j - 1, j + 3):
+                    if wraps or 0 <= x < columns:
+                        blocks[i, j] |= tiles[y, x % columns]
+        if wraps:  # the last reach the picture's first pixels
+            blocks[i, 0] |= blocks[i, blocks.shape[1] - 1]

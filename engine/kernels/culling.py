@@ -11,12 +11,13 @@ import numpy.typing as npt
 from .project import project_point
 from .rays import INVALID_ID, ROUNDING, distance_to_exit, intersect1, or_u64, outside_ray
 
-__all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "mark_by_triangle", "mark_grid"]
+__all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "list_unmarked", "mark_by_triangle", "mark_grid"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
+U8 = npt.NDArray[np.uint8]
 U64 = npt.NDArray[np.uint64]
 
 # Toward the centroids of the two triangles that a pixel owns in the quad to its north-east (Fig. 4), a little.
@@ -138,3 +139,16 @@ def mark_by_triangle(
                 marks[which[i], found // 64] |= np.uint64(1) << np.uint64(found % 64)
                 break
     return rays
+
+
+@numba.njit(cache=True, nogil=True)
+def list_unmarked(marks: U64, invalid: U8, numbers: I64) -> int:
+    """Write the numbers of valid triangles (invalid [m] 0) without any bit in marks [m, words]; returns how many."""
+    count = 0
+    for i in range(invalid.shape[0]):
+        found = np.uint64(invalid[i])
+        for word in range(marks.shape[1]):
+            found |= marks[i, word]
+        numbers[count] = i
+        count += found == np.uint64(0)
+    return count
