@@ -51,12 +51,12 @@ def write_poses(path: Path | str, poses: Iterable[Pose]) -> None:
 def euler_degrees(pose: Pose) -> tuple[float, float, float]:
     """Yaw, pitch and roll in degrees, R = Rz(yaw) Ry(pitch) Rx(roll); roll is 0 straight up and down."""
     r = pose.rotation()
-    level = math.hypot(r[0, 0], r[1, 0])
+    level = math.hypot(r[2, 1], r[2, 2])
     pitch = math.atan2(-r[2, 0], level)
-    if level > 1e-9:
-        yaw, roll = math.atan2(r[1, 0], r[0, 0]), math.atan2(r[2, 1], r[2, 2])
-    else:
-        yaw, roll = math.atan2(-r[0, 1], r[1, 1]), 0.0
+    roll = math.atan2(r[2, 1], r[2, 2]) if level > 1e-14 else 0.0
+    # Nearly straight up or down the roll is known badly, but what it lacks the yaw of the rest makes up for.
+    c, s = math.cos(roll), math.sin(roll)
+    yaw = math.atan2(s * r[0, 2] - c * r[0, 1], c * r[1, 1] - s * r[1, 2])
     return math.degrees(yaw), math.degrees(pitch), math.degrees(roll)
 
 

@@ -97,10 +97,11 @@ def to_json(description: Description) -> str:
         "Content_name": description.name,
         "BoundingBox_center": [0, 0, 0],
         "Fps": description.fps,
-        "Frames_number": description.frames_number,
         "lengthsInMeters": True,
         "sourceCameraNames": list(description.source_names),
     }
+    if description.frames_number is not None:
+        document["Frames_number"] = description.frames_number
     if description.frame_ranges:
         document["frameRanges"] = [
             {"maxNumberOfFrames": most, "startFrame": start} for most, start in description.frame_ranges

@@ -12,6 +12,7 @@ import numpy as np
 from ...camera import Camera, Equirectangular, Perspective, Pose, Projection
 from ...engine import Engine
 from ...stereo import StereoView
+from ...tmiv_json import Description, parse_json, to_json
 from .case import Case, Measured
 from .pictures import Shot, against_truth, take
 from .room import CODING, Room, rig, turned
@@ -148,8 +149,27 @@ def _rigs() -> list[Case]:
         Case("cameras", "two at one place", partial(_truth, _target(), twice)),
         Case("cameras", "all at one place", partial(_truth, dataclasses.replace(heap[0], name="target"), heap)),
         Case("cameras", "one", partial(_truth, dataclasses.replace(cameras[1], name="target"), cameras[1:2])),
+        Case("rig", "JSON of a thousand cameras", _described),
         *_orientations(),
     ]
+
+
+def _described() -> list[Measured]:
+    """Positions and axes of a rig that was written and read."""
+    rng = np.random.default_rng(4)
+    cameras = {
+        f"v{i}": Camera(f"v{i}", _FLAT, turned((x, y, z), *rng.uniform(-180, 180, 3)), CODING)
+        for i, (x, y, z) in enumerate(rng.uniform(-1e6, 1e6, (1000, 3)).tolist())
+    }
+    written = Description("rig", cameras=cameras, source_names=tuple(cameras))
+    read, problems = parse_json(to_json(written), "rig")
+    if problems or tuple(read.cameras) != tuple(cameras):
+        raise ValueError(f"problems: {problems[:1]}: expected none, and {len(cameras)} cameras")
+    pairs = [(read.cameras[name], camera) for name, camera in cameras.items()]
+    place = max(float(np.abs(np.subtract(a.pose.position, b.pose.position)).max()) for a, b in pairs)
+    axes = max(float(np.abs(a.pose.rotation() - b.pose.rotation()).max()) for a, b in pairs)
+    # Angles go through degrees: sines and cosines of a half turn's rounding, three of them.
+    return [Measured(place, 0.0, "m"), Measured(axes, 3 * 8 * 2.0**-52 * math.pi, "of an axis")]
 
 
 def _orientations() -> list[Case]:
