@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from farside.engine.bench.extremes import all_cases, run
+from farside.engine.bench.extremes import all_cases, growth_cases, run
 from farside.engine.bench.extremes.case import Case, Measured
 
 CASES = all_cases()
@@ -15,6 +15,13 @@ CASES = all_cases()
 def test_extreme(case):
     row = run(case)
     assert row.verdict == ("limit" if case.refused else "holds"), (row.measured, row.said)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", growth_cases(10_000), ids=[case.name for case in growth_cases(10_000)])
+def test_ten_thousand_frames(case):
+    row = run(case)
+    assert row.verdict == "holds", (row.measured, row.said)
 
 
 def raising(error):
