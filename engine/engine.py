@@ -348,7 +348,7 @@ class Engine:
                 if front.settings.antialias == "morphological":
                     edge = front.scene.triangulation(camera, self.settings).edge
                     texture = smooth_outlines(texture, canvas.disparity, edge)
-            return RenderedPicture(camera, texture, canvas.disparity.copy(), canvas.winner.copy(), report)
+            return RenderedPicture(camera, texture, canvas.disparity, canvas.winner, report)
 
     @staticmethod
     def _draw_views(

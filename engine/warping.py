@@ -47,7 +47,9 @@ class Canvas:
 
         With `marks`, pixels of a picture of half the size, only what belongs to those is drawn and shaded.
         """
-        self.disparity.fill(0.0)
+        # New ones, not the last picture's, which may be looked at still: pages of zeros come as they are touched.
+        shape = self.disparity.shape
+        self.disparity, self.winner = np.zeros(shape, np.float32), np.zeros(shape, np.uint8)
         self._found_holes = False
         self._marks, self._marked_tiles = marks, EVERYWHERE
         if marks is not None:
