@@ -169,6 +169,21 @@ def test_what_was_not_drawn_is_left_alone():
     assert (canvas.texture().y == 512).all()
 
 
+@pytest.mark.parametrize("size", [(33, 31), (31, 25), (35, 24), (64, 35)])
+def test_pictures_of_odd_size_have_the_views_chroma_to_their_last_pixel(size):
+    """Beyond the last column and row there are no directions: what a view would show there has no place."""
+    rng = np.random.default_rng(3)
+    camera = camera_at()
+    chroma = np.full((24, 32), 700, np.uint16)
+    luma = rng.integers(64, 940, (48, 64)).astype(np.uint16)
+    view = View(camera, Texture(luma, chroma, chroma), camera.depth.codes(np.full((48, 64), 4.0)))
+    target = dataclasses.replace(camera, projection=Perspective.from_fov(*size, 0.8))
+    canvas = shaded(target, [PreparedView(view, OPTIONS, ORIGIN)], cubic=True)
+    assert (canvas.disparity > 0).all()
+    for plane in canvas.planes[1:]:
+        np.testing.assert_allclose(plane, 700, rtol=1e-4)
+
+
 @pytest.mark.parametrize("size", [(5, 3), (1, 1), (7, 2)])
 def test_odd_pictures_pack_into_half_chroma(size):
     w, h = size
