@@ -134,6 +134,8 @@ def _places() -> list[Case]:
     }
     return [
         *(Case("viewer", name, partial(_truth, target)) for name, target in places.items()),
+        Case("viewer", "2 cm before a wall", partial(_truth, _target(pose=turned((8.98, 0.2, 0.1), 0)), None, _PLAIN)),
+        Case("viewer", "2 cm before a box", partial(_truth, _target(pose=turned((1.78, -1.3, 0.0), 0)))),
         Case("viewer", "looks where nothing was seen", partial(_nothing, _target(pose=turned((0, 0, 0), 180)))),
         Case("viewer", "beyond the room, looks away", partial(_nothing, _target(pose=turned((12.0, 0, 0), 0)))),
         Case("eyes apart by", "0 m", partial(_eyes, 0.0)),
