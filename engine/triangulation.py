@@ -128,6 +128,9 @@ class Triangulator:
                 self._codes, self._flags = np.empty_like(codes), np.empty(codes.shape, np.uint8)
                 self._own = _Blocks(camera)
             changed = self._changes(camera, codes, known)
+            if known and not changed.any():
+                self._of = of
+                return self._mesh, self._flags
             flags = self._flags.copy()
             wanted = np.empty(_tiling(*codes.shape), np.uint8)
             change_kernels.changed_flags(changed, wanted)
