@@ -371,9 +371,11 @@ class Engine:
     ) -> int:
         """Lay a viewer's backdrop behind the chosen views; returns the number of triangles."""
         assert self._model is not None
-        near, push = _NEAR * front.scene.coding.near, self._model.delta  # section 3.4.2: moved backwards by delta
-        holes_only = not front.settings.overdraw
-        return canvas.draw_backdrop(backdrop, front.present, chosen, target, near, push, holes_only=holes_only)
+        near, push = _NEAR * front.scene.coding.near, front.settings.backdrop_m
+        if push is None:
+            push = self._model.delta  # section 3.4.2: moved backwards by delta
+        holes_only, slack = not front.settings.overdraw, self._model.tolerances.slack
+        return canvas.draw_backdrop(backdrop, front.present, chosen, target, near, push, slack, holes_only=holes_only)
 
     def _smooth_silhouettes(
         self, canvas: Canvas, camera: Camera, front: _FrontBuffer, chosen: Sequence[int],

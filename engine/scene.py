@@ -18,6 +18,13 @@ from .triangulation import TriangulationOptions
 
 __all__ = ["Scene"]
 
+# A step of disparity between neighbours that is a depth edge: four reprojected pixels. In coarse pictures these are a
+# step from the median depth to infinity, and whoever stands before a wall would be tied to it: from there to a third
+# farther is an edge, if it is two pixels, below which what is near and slanted would be torn.
+_EDGE_PX = 4.0
+_LEAST_EDGE_PX = 2.0
+_EDGE_SHARE = 0.25  # of the median disparity
+
 
 @dataclass(frozen=True, slots=True)
 class Scene:
@@ -77,9 +84,11 @@ class Scene:
     def triangulation(self, camera: Camera, settings: Settings) -> TriangulationOptions:
         """Bounds of a camera's triangulation: pixels of parallax at the baseline, turned into disparity."""
         pixel = 1.0 / (self.baseline * pixels_per_radian(camera))
-        return TriangulationOptions(
-            settings.tolerance_px * pixel, settings.edge_px * pixel, settings.max_block_px
-        )
+        if settings.edge_px is None:
+            edge = min(_EDGE_PX * pixel, max(_EDGE_SHARE / self.depths[1], _LEAST_EDGE_PX * pixel))
+        else:
+            edge = settings.edge_px * pixel
+        return TriangulationOptions(settings.tolerance_px * pixel, edge, settings.max_block_px)
 
 
 def _depths(frame: Frame, stride: int) -> npt.NDArray[np.float64]:  # [n]

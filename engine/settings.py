@@ -34,7 +34,7 @@ class Settings:
     fill: str = "structure"  # what is left: grey (none), blurred (smooth), or near its rims continued (structure)
     settles: bool = True  # what fills a hole stays while the head is still
     tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles a pixel
-    edge_px: float = 4.0  # disparity step between neighbours that is a depth edge, reprojected pixels
+    edge_px: float | None = None  # disparity step between neighbours that is a depth edge, reprojected pixels
     completion: bool = True  # pixels without depth get one (30 ms of one core a megapixel); others cost nothing
     overdraw: bool = True  # lay the backdrop over everything, not only where the views left holes
     rims: bool = True  # pixels at depth edges keep their full square where no view has a surface
@@ -43,7 +43,12 @@ class Settings:
     # is not kept. None: they go anywhere.
     viewing_space: tuple[float, float, float, float] | None = None
     max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two up to 32
-    delta_m: float | None = None  # culling tolerance (delta); the paper's is 0.2
+    delta_m: float | None = None  # culling tolerance (delta), the same at all depths; the paper's is 0.2
+    # Where depth is far less certain than near by: delta as an error of disparity, 1/m, where that is more than
+    # delta_m. None: follows from depth codes and noise; nothing where delta_m is set.
+    delta_disparity: float | None = None
+    margin_m: float | None = None  # by how much a maximum depth image's surface must be farther than the last one
+    backdrop_m: float | None = None  # how far the backdrop is moved backwards; None: by delta, as in the paper
     culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
     backdrop: str = "standing"  # shown of the model behind a pixel: the nearest that stands, or the paper's "farthest"
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
@@ -81,8 +86,9 @@ class Settings:
         for name in ("pbi_scale", "output_scale"):
             if not 0.05 <= getattr(self, name) <= 4.0:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected 0.05 to 4")
-        if self.delta_m is not None and self.delta_m < 0:
-            raise ValueError(f"delta_m: {self.delta_m!r}: expected at least 0")
+        for name in ("edge_px", "delta_m", "delta_disparity", "margin_m", "backdrop_m"):
+            if getattr(self, name) is not None and not getattr(self, name) >= 0:
+                raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 0")
         space = self.viewing_space
         if space is not None and not (len(space) == 4 and all(map(math.isfinite, space)) and space[3] >= 0):
             raise ValueError(f"viewing_space: {space!r}: expected x, y, z and a radius, metres")

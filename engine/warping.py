@@ -12,6 +12,7 @@ from .frame import Texture
 from .kernels import antialias, composite, shade, view_table
 from .kernels import fill as fill_kernels
 from .kernels import tiles as tile_kernels
+from .kernels.slack import Slack
 from .mesh import Mesh
 from .prepared import Part, PreparedView, ViewTable
 from .rasteriser import Rasteriser
@@ -114,7 +115,7 @@ class Canvas:
 
     def draw_backdrop(
         self, backdrop: PreparedView, present: ViewTable, drawn: Sequence[int], target: Target, near: float,
-        push: float, *, holes_only: bool = False,
+        push: float, slack: Slack, *, holes_only: bool = False,
     ) -> int:  # fmt: skip
         """Lay a backdrop behind what was drawn, `push` metres farther away than it is (section 3.4.2).
 
@@ -131,7 +132,7 @@ class Canvas:
         if self._marks is not None:
             antialias.keep_marked(self._marks, self._backdrop)
         composite.lay_backdrop(
-            self._backdrop, target.packed, present.rows, present.addresses, _others(present, drawn, target), push,
+            self._backdrop, target.packed, present.rows, present.addresses, _others(present, drawn, target), slack,
             number, self.disparity, self.winner,
         )  # fmt: skip
         return triangles

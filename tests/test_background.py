@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import threading
 
 import numpy as np
@@ -10,7 +11,7 @@ from farside.engine.background.culling import cull_unmarked, mark_background, ma
 from farside.engine.background.maximum_depth import coding_row
 from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbs import ProbableBackgroundSurface
-from farside.engine.background.tolerances import scene_tolerances
+from farside.engine.background.tolerances import sampled_disparity, scene_tolerances, with_noise
 from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.frame import Frame, View
 from farside.engine.kernels.coverage import BLOCK, mark_smooth
@@ -23,6 +24,7 @@ from oracle import rays as slow_rays
 from rooms import BOX_X, BOX_Y, CODING, WALL_X, WALL_Y, camera_row, frame, see
 
 SETTINGS = Settings(n_init=3, n_update=1)
+DELTAS = ((0.0, 0.0), (0.4, 0.0), (0.1, 0.06))  # metres, and an error of disparity: 0.24 to 0.54 m of what is seen here
 
 
 def model_of(cameras, first, settings=SETTINGS):
@@ -57,7 +59,8 @@ def test_the_view_that_overlaps_least_comes_next():
 
 
 @pytest.mark.parametrize("wide", [False, True])
-def test_only_farther_pixels_of_later_views_are_kept(wide):
+@pytest.mark.parametrize("delta", [(0.08, 0.0), (0.01, 0.006)])
+def test_only_farther_pixels_of_later_views_are_kept(wide, delta):
     cameras = camera_row(3)
     if wide:
         projection = Equirectangular(64, 48, (-0.9, 0.8), (-0.5, 0.5))
@@ -68,10 +71,10 @@ def test_only_farther_pixels_of_later_views_are_kept(wide):
         codes = CODING.codes(rng.uniform(2.0, 6.0, (48, 64)))
         codes[rng.random(codes.shape) < 0.1] = 0
         views[1] = View(cameras[1], see(camera_row(1, (64, 48))[0]).texture, codes)
-    coverage, edge = Coverage(0.08), 0.05
+    coverage, edge = Coverage(delta), 0.05
     assert coverage.take(views[0], edge).all()
     coverage.take(views[1], edge)
-    expected = slow_coverage.farther_pixels(views[2], views[:2], 0.08, edge)
+    expected = slow_coverage.farther_pixels(views[2], views[:2], delta, edge)
     np.testing.assert_array_equal(coverage.take(views[2], edge) != 0, expected)
     assert 0.02 < expected.mean() < 0.5
 
@@ -85,7 +88,7 @@ def test_blocks_are_smooth_whose_depths_lie_between_their_corners(size):
     rough = rng.random(codes.shape) < 0.01
     codes[rough] += rng.integers(-9000, 200, rough.sum()).astype(np.uint16)
     smooth = np.empty((max(1, -(-(h - 1) // BLOCK)), max(1, -(-(w - 1) // BLOCK))), np.uint8)
-    mark_smooth(codes, coding_row(camera), 0.08, smooth)
+    mark_smooth(codes, coding_row(camera), (0.08, 0.0), smooth)
     depth, step = camera.depth.depth(codes), camera.depth.step
     for row, column in np.ndindex(*smooth.shape):
         block = np.s_[BLOCK * row : BLOCK * row + BLOCK + 1, BLOCK * column : BLOCK * column + BLOCK + 1]
@@ -116,7 +119,7 @@ def sheets(seed):
 
 
 @pytest.mark.parametrize("stride", [1, 3])
-@pytest.mark.parametrize("delta", [0.0, 0.4])
+@pytest.mark.parametrize("delta", DELTAS)
 def test_marks_are_those_of_the_slow_twin(stride, delta):
     cameras = camera_row(2, (24, 16))
     meshes = sheets(0)
@@ -143,7 +146,7 @@ def test_marks_are_those_of_the_slow_twin(stride, delta):
 
 
 @pytest.mark.parametrize("share", [False, True])
-@pytest.mark.parametrize("delta", [0.0, 0.4])
+@pytest.mark.parametrize("delta", DELTAS)
 @pytest.mark.parametrize("size_px", [1.0, 9.0])  # of the triangles in their own picture
 def test_marks_by_triangle_are_those_of_the_slow_twin(size_px, delta, share):
     cameras = camera_row(3, (24, 16))
@@ -199,13 +202,13 @@ def test_triangles_smaller_than_the_stride_are_not_missed():
     pbs.set_static(0, Mesh(points, np.zeros((3600, 2), np.float32), np.stack([a, c, b], -1).astype(np.int32)))
     pbs.commit()
     packed = np.array([camera.packed() for camera in cameras])
-    assert mark_background(pbs, 0, packed[0], 8, 0.1) > 0
+    assert mark_background(pbs, 0, packed[0], 8, (0.1, 0.0)) > 0
     assert np.count_nonzero(pbs.static[0].marks) < 1000
-    mark_missed(pbs, (0, 1), packed, 0.1)
+    mark_missed(pbs, (0, 1), packed, (0.1, 0.0))
     assert cull_unmarked(pbs) == 0
     for camera in (0, 1, 0, 1):
-        mark_background(pbs, camera, packed[camera], 8, 0.1)
-        mark_missed(pbs, (camera, 1 - camera), packed, 0.1)
+        mark_background(pbs, camera, packed[camera], 8, (0.1, 0.0))
+        mark_missed(pbs, (camera, 1 - camera), packed, (0.1, 0.0))
         assert np.all(pbs.static[0].marks != 0)
 
 
@@ -408,15 +411,91 @@ def test_depth_that_was_missing_is_added_when_it_is_seen():
 
 def test_delta_follows_from_the_scene_unless_it_is_set():
     views = frame(0, camera_row()).views
-    assert scene_tolerances(views, Settings()).delta_m == pytest.approx(0.02 * WALL_X, rel=0.01)
-    assert scene_tolerances(views, Settings(delta_m=0.2)).delta_m == 0.2
+    found = scene_tolerances(views, Settings())
+    assert found.delta_m == pytest.approx(0.02 * WALL_X, rel=0.01)
+    assert found.delta_at(20.0) == pytest.approx(found.delta_m, rel=0.01)  # fine codes are far better than that
     coarse = dataclasses.replace(CODING, bits=8)
     camera = dataclasses.replace(camera_row(1)[0], depth=coarse)
-    step = coarse.step * WALL_X**2
-    assert scene_tolerances([see(camera)], Settings()).delta_m == pytest.approx(4 * step, rel=0.05)
+    found = scene_tolerances([see(camera)], Settings())
+    assert found.delta_m == pytest.approx(0.02 * WALL_X, rel=0.03)
+    for depth in (WALL_X, 10.0):  # four steps of the codes at that depth
+        assert found.delta_at(depth) == pytest.approx(4 * coarse.step * depth**2)
     empty = see(camera_row(1)[0], wall=False)
     with pytest.raises(ValueError, match="no view has a valid depth"):
         scene_tolerances([empty], Settings())
+
+
+def test_the_papers_delta_is_one_length_whatever_codes_and_noise_are():
+    camera = dataclasses.replace(camera_row(1)[0], depth=dataclasses.replace(CODING, bits=8))
+    settings = Settings(delta_m=0.2)
+    view = see(camera)
+    found = scene_tolerances([view], settings)
+    noisy = with_noise(found, [sampled_disparity(camera, view.codes) + 0.01], [view], settings)
+    assert noisy.noise > 0.005
+    for depth in (0.5, 4.0, 20.0):
+        assert found.delta_at(depth) == noisy.delta_at(depth) == 0.2
+    by_hand = scene_tolerances([view], Settings(delta_m=0.1, delta_disparity=0.05, margin_m=0.03))
+    assert (by_hand.delta_at(1.0), by_hand.delta_at(4.0), by_hand.margin_m) == (0.1, 0.8, 0.03)
+
+
+@pytest.mark.parametrize("name", ["delta_m", "delta_disparity", "margin_m", "backdrop_m"])
+def test_tolerances_that_make_no_sense_are_named(name):
+    for value in (-0.1, math.nan):
+        with pytest.raises(ValueError, match=f"{name}: {value}: expected at least 0"):
+            Settings(**{name: value})
+
+
+@pytest.mark.parametrize("scale", [0.01, 30.0])
+def test_a_scene_of_another_size_has_tolerances_of_that_size(scale):
+    """Everything is as far again, its codes and their errors the same: lengths grow, disparities shrink."""
+    rng = np.random.default_rng(1)
+    cameras = camera_row()
+    sized = [
+        dataclasses.replace(
+            c,
+            pose=dataclasses.replace(c.pose, position=tuple(scale * p for p in c.pose.position)),
+            depth=dataclasses.replace(c.depth, near=scale * c.depth.near, far=scale * c.depth.far),
+        )
+        for c in cameras
+    ]
+    first = frame(0, cameras, box_y=0.0)
+    errors = [rng.integers(-40, 41, view.codes.shape) for view in first.views]
+    found = []
+    for rig in (cameras, sized):
+        views = [dataclasses.replace(view, camera=camera) for view, camera in zip(first.views, rig, strict=True)]
+        later = [
+            dataclasses.replace(view, codes=(view.codes + error).astype(np.uint16))
+            for view, error in zip(views, errors, strict=True)
+        ]
+        sampled = [sampled_disparity(view.camera, view.codes) for view in views]
+        tolerances = with_noise(scene_tolerances(views, Settings()), sampled, later, Settings())
+        options = Scene.of(rig, Settings(), Frame(0, tuple(views))).triangulation(rig[0], Settings())
+        lengths = [tolerances.delta_m, tolerances.margin_m, tolerances.depth_m]
+        disparities = [tolerances.delta_disparity, tolerances.noise, tolerances.margin_disparity(rig[0].depth)]
+        found.append((lengths, [*disparities, options.edge, options.tolerance]))
+    (lengths, disparities), (sized_lengths, sized_disparities) = found
+    np.testing.assert_allclose(sized_lengths, np.multiply(scale, lengths))
+    np.testing.assert_allclose(sized_disparities, np.divide(disparities, scale))
+    assert min(lengths) > 0
+    assert min(disparities) > 0
+
+
+def test_more_noise_makes_a_larger_delta():
+    view = see(camera_row(1)[0])
+    known = scene_tolerances([view], Settings())
+    sampled = sampled_disparity(view.camera, view.codes)
+    rng = np.random.default_rng(0)
+    errors = rng.normal(size=view.codes.shape)
+    deltas = []
+    for deviation in (20.0, 100.0, 500.0):  # codes
+        codes = np.rint(view.codes + deviation * errors).astype(np.uint16)
+        found = with_noise(known, [sampled], [dataclasses.replace(view, codes=codes)], Settings())
+        # Between two frames that both had this noise it would be the square root of two of what is expected here.
+        expected = 1.0483 * 0.6745 * deviation * CODING.step
+        assert found.noise == pytest.approx(expected, rel=0.1)
+        deltas.append(found.delta_at(2 * WALL_X))
+    assert deltas[0] < deltas[1] < deltas[2]
+    assert deltas[2] == pytest.approx(8 * found.noise * (2 * WALL_X) ** 2)
 
 
 def test_far_from_the_worlds_origin():

@@ -61,7 +61,7 @@ def test_candidates_are_accepted_as_by_the_slow_twin_with_fewer_rays(size, share
     blocks = np.argwhere(np.ones((-(-size[1] // 8), -(-size[0] // 16))))
     counts = np.empty((len(blocks), 5), np.int64)
     accept_candidates(
-        pbs.intersect, pbs.scene, camera.packed(), pbs.bounds, coding_row(camera), codes, updated, kept, DELTA,
+        pbs.intersect, pbs.scene, camera.packed(), pbs.bounds, coding_row(camera), codes, updated, kept, (DELTA, 0.0),
         blocks, 8, 16, counts,
     )  # fmt: skip
     np.testing.assert_array_equal(kept != 0, expected)

@@ -35,7 +35,7 @@ def layered(live, backdrop, present, *, push=PUSH):
     canvas, target = Canvas(HERE.width, HERE.height), Target(HERE, ORIGIN)
     if live is not None:
         canvas.draw(flat(live).mesh(), target, 0, 0.01, 0.0)
-    canvas.draw_backdrop(flat(backdrop), ViewTable([flat(present)]), [0], target, 0.01, push)
+    canvas.draw_backdrop(flat(backdrop), ViewTable([flat(present)]), [0], target, 0.01, push, (push, 0.0))
     return canvas
 
 
@@ -80,7 +80,8 @@ def test_a_ghost_needs_all_texels_round_it():
 
 def test_one_present_view_that_looks_through_is_enough():
     canvas, target = Canvas(HERE.width, HERE.height), Target(HERE, ORIGIN)
-    canvas.draw_backdrop(flat(3.0), ViewTable([flat(np.nan), flat(2.0), flat(6.0)]), range(3), target, 0.01, PUSH)
+    present = ViewTable([flat(np.nan), flat(2.0), flat(6.0)])
+    canvas.draw_backdrop(flat(3.0), present, range(3), target, 0.01, PUSH, (PUSH, 0.0))
     assert (canvas.disparity[INNER] == 0).all()
 
 
@@ -128,7 +129,7 @@ def behind_someone(present, drawn, *, live=None):
     canvas, target = Canvas(HERE.width, HERE.height), Target(HERE, ORIGIN)
     if live is not None:
         canvas.draw(flat(live).mesh(), target, 0, 0.01, 0.0)
-    canvas.draw_backdrop(flat(4.0), ViewTable(present), drawn, target, 0.01, PUSH)
+    canvas.draw_backdrop(flat(4.0), ViewTable(present), drawn, target, 0.01, PUSH, (PUSH, 0.0))
     return canvas
 
 

@@ -52,7 +52,7 @@ def test_all_marks_before_new_triangles_are_taken_and_few_others(size, most):
     surface = Surface(mesh, marks, np.zeros(600, np.uint8))
     changed = ChangedDirections(packed_eyes())
     changed.add(new, np.arange(40))
-    changed.forget(1, [surface], DELTA)
+    changed.forget(1, [surface], (DELTA, 0.0))
     corners, others = mesh.points.astype(float).reshape(-1, 3, 3), new.points.astype(float).reshape(-1, 3, 3)
     met = np.array([any(lies_behind(EYES[1], one, other) for other in others) for one in corners])
     taken = marks[:, 0] == 1
@@ -61,9 +61,9 @@ def test_all_marks_before_new_triangles_are_taken_and_few_others(size, most):
     assert taken.mean() <= most
     np.testing.assert_array_equal(marks[:, 1], 3)
     before = marks.copy()
-    changed.forget(1, [surface], DELTA)  # these changes have been looked at
+    changed.forget(1, [surface], (DELTA, 0.0))  # these changes have been looked at
     np.testing.assert_array_equal(marks, before)
-    changed.forget(0, [surface], DELTA)  # but not by the other camera
+    changed.forget(0, [surface], (DELTA, 0.0))  # but not by the other camera
     assert np.count_nonzero(marks[:, 0] == 0) > 0
 
 
@@ -72,7 +72,7 @@ def test_when_all_may_have_moved_all_marks_are_taken():
     mesh = triangles_around(np.random.default_rng(1), 50, 0.2)
     changed = ChangedDirections(packed_eyes())
     changed.add_all()
-    changed.forget(0, [Surface(mesh, marks, np.zeros(50, np.uint8))], DELTA)
+    changed.forget(0, [Surface(mesh, marks, np.zeros(50, np.uint8))], (DELTA, 0.0))
     assert not marks.any()
 
 

@@ -56,7 +56,8 @@ def with_luma(view, luma):
 def test_samples_are_those_of_the_readable_twin(rig):
     _, first, scene = rig
     views = table(first, scene)
-    pairs, columns, rows = np.array([[0, 1], [1, 0], [2, 5]]), 20, 15
+    # Cameras of different heights: else images lie on the border of two pixels, and rounding decides which it is.
+    pairs, columns, rows = np.array([[0, 5], [5, 0], [2, 5]]), 20, 15
     samples = np.zeros((3, columns * rows, 2, 3), np.float32)
     counts = np.zeros(3, np.int64)
     gather_samples(views.rows, views.addresses, pairs, np.arange(3), columns, rows, samples, counts)

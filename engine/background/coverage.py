@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..frame import View
 from ..kernels import coverage as kernels
+from ..kernels.slack import Slack
 from .maximum_depth import coding_row
 
 __all__ = ["Coverage", "choose_views"]
@@ -51,12 +52,12 @@ class _Taken(NamedTuple):
 class Coverage:
     """The surfaces that the views taken up to now show.
 
-    `tolerance_m`: how much nearer a surface may be that is taken as one with another; positions are relative to
+    `tolerance`: how much nearer a surface may be that is taken as one with another; positions are relative to
     `origin`, metres.
     """
 
-    def __init__(self, tolerance_m: float, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        self._tolerance, self._origin = tolerance_m, origin
+    def __init__(self, tolerance: Slack, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        self._tolerance, self._origin = tolerance, origin
         self._taken: list[_Taken] = []
 
     def take(self, view: View, edge: float) -> npt.NDArray[np.uint8]:  # [h, w]

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..embree import MarkQuery
 from ..kernels.culling import list_unmarked, mark_by_triangle, mark_grid
+from ..kernels.slack import Slack
 from .pbs import ProbableBackgroundSurface, Surface
 
 __all__ = ["Unmarked", "clear_marks", "cull_unmarked", "mark_background", "mark_missed"]
@@ -35,7 +36,7 @@ class Unmarked(NamedTuple):
 
 
 def mark_background(
-    pbs: ProbableBackgroundSurface, camera: int, packed: FloatArray, stride: int, delta_m: float
+    pbs: ProbableBackgroundSurface, camera: int, packed: FloatArray, stride: int, delta: Slack
 ) -> int:
     """Casts a camera's culling rays and renews its marks; returns the number of rays.
 
@@ -46,7 +47,7 @@ def mark_background(
     clear_marks(pbs, camera)
     query = MarkQuery(pbs.marks_table, word, int(bit))
     rays = mark_grid(
-        pbs.intersect, pbs.scene, query.address, packed, pbs.bounds, stride, delta_m,
+        pbs.intersect, pbs.scene, query.address, packed, pbs.bounds, stride, delta,
         pbs.marks_table, word, bit.astype(np.int64),
     )  # fmt: skip
     return int(rays)
@@ -60,7 +61,7 @@ def clear_marks(pbs: ProbableBackgroundSurface, camera: int) -> None:
 
 
 def mark_missed(
-    pbs: ProbableBackgroundSurface, cameras: Sequence[int], packed: FloatArray, delta_m: float, *, share: bool = False
+    pbs: ProbableBackgroundSurface, cameras: Sequence[int], packed: FloatArray, delta: Slack, *, share: bool = False
 ) -> tuple[int, list[Unmarked]]:
     """Looks again at triangles without a mark: the first of the cameras that finds one marks it; returns the rays, and
     what is left without a mark.
@@ -76,7 +77,7 @@ def mark_missed(
             mesh = surface.mesh
             rays += mark_by_triangle(
                 pbs.intersect, pbs.scene, packed, order, _RUN if share else 0, pbs.bounds, mesh.points, mesh.uv,
-                mesh.triangles, missed, delta_m, surface.marks,
+                mesh.triangles, missed, delta, surface.marks,
             )  # fmt: skip
             missed = missed[(surface.marks[missed] == 0).all(axis=1)]
         left.append(Unmarked(surface, missed))

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..kernels.directions import COLUMNS, ROWS, forget_marks, note_directions
+from ..kernels.slack import Slack
 from ..mesh import Mesh
 from .pbs import Surface
 
@@ -31,13 +32,13 @@ class ChangedDirections:
         """All geometry may be elsewhere."""
         self._cells[:] = np.inf
 
-    def forget(self, camera: int, surfaces: list[Surface], delta_m: float) -> None:
+    def forget(self, camera: int, surfaces: list[Surface], delta: Slack) -> None:
         """A camera's turn: takes its marks from what has changes behind it, by delta / 2, and forgets these."""
         cells, word, bit = self._cells[camera], camera // 64, np.uint64(1 << (camera % 64))
         if cells.any():
             for surface in surfaces:
                 mesh = surface.mesh
                 forget_marks(
-                    self._packed[camera], mesh.points, mesh.triangles, cells, 0.5 * delta_m, surface.marks, word, bit
+                    self._packed[camera], mesh.points, mesh.triangles, cells, delta, surface.marks, word, bit
                 )  # fmt: skip
             cells[:] = 0

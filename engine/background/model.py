@@ -88,8 +88,13 @@ class BackgroundModel:
 
     @property
     def delta(self) -> float:
-        """The culling tolerance in metres, as set or as it followed from the first frame."""
-        return self._tolerances.delta_m
+        """The culling tolerance at the scene's median depth, metres, as set or as it followed from the first frames."""
+        return float(self._tolerances.delta_at(self._tolerances.depth_m))
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """What surfaces are compared by, as it is set or follows from the frames up to now."""
+        return self._tolerances
 
     @property
     def mesh_tolerance(self) -> float:
@@ -175,7 +180,7 @@ class BackgroundModel:
         return report
 
     def _build_static(self, views: Sequence[View]) -> None:
-        coverage = Coverage(self.delta, self._origin)
+        coverage = Coverage(self._tolerances.slack, self._origin)
         for c in choose_views(views, self.settings.n_init):
             keep = coverage.take(views[c], self._options[c].edge)
             mesh = self._triangulate(c, views[c].codes, keep)
@@ -296,7 +301,7 @@ class BackgroundModel:
         counts = np.empty((len(blocks), 5), np.int64)
         accept_candidates(
             self._pbs.intersect, self._pbs.scene, self._packed[c], self._pbs.bounds, coding_row(image.camera),
-            image.codes, image.updated, image.kept, self.delta, blocks, *BLOCK, counts,
+            image.codes, image.updated, image.kept, self._tolerances.slack, blocks, *BLOCK, counts,
         )  # fmt: skip
         image.pending[:] = False
         image.lone[tuple(blocks.T)] = counts[:, 3] > 0  # waits until there is more beside it
@@ -325,13 +330,14 @@ class BackgroundModel:
 
     def _cull(self, cameras: Sequence[int], report: UpdateReport, *, share: bool = False) -> None:
         """Renews the marks of some cameras, and flags what no camera's marks are left on."""
+        slack = self._tolerances.slack
         for c in cameras:
             self._cast_version[c] = self._pbs.version
-            self._changed.forget(c, list(self._pbs.surfaces()), self.delta)
+            self._changed.forget(c, list(self._pbs.surfaces()), slack)
             if stride := self.settings.culling_stride:
-                report.rays += mark_background(self._pbs, c, self._packed[c], stride, self.delta)
+                report.rays += mark_background(self._pbs, c, self._packed[c], stride, slack)
         order = [*cameras, *(c for c in self._fixed() if c not in cameras)]
-        rays, unmarked = mark_missed(self._pbs, order, self._packed, self.delta, share=share)
+        rays, unmarked = mark_missed(self._pbs, order, self._packed, slack, share=share)
         report.rays += rays
         with self._lock:
             report.culled += cull_unmarked(self._pbs, unmarked)
@@ -358,7 +364,8 @@ class BackgroundModel:
         rays = render_background(
             self._pbs.intersect, self._pbs.scene, camera.packed(self._origin), self._pbs.bounds,
             coding_row(camera), camera.depth.max_code, self._pbs.surface_table, self._image_table,
-            near, np.empty((0, 0)) if present is None else present.rows, self._seen(present), self.delta, sparse,
+            near, np.empty((0, 0)) if present is None else present.rows, self._seen(present),
+            self._tolerances.slack, sparse,
             np.empty((0, 0), np.uint8) if wanted is None else wanted, codes, texture.y, texture.cb, texture.cr,
         )  # fmt: skip
         return BackgroundImage(View(camera, texture, codes), int(rays))

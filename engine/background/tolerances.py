@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from ..camera import Camera
 from ..depth import DepthCoding
 from ..frame import View
+from ..kernels.slack import Slack
 from ..settings import Settings
 
 __all__ = ["Tolerances", "sampled_disparity", "scene_tolerances", "with_noise"]
@@ -20,10 +22,11 @@ __all__ = ["Tolerances", "sampled_disparity", "scene_tolerances", "with_noise"]
 U16 = npt.NDArray[np.uint16]
 F64 = npt.NDArray[np.float64]
 
-# Two surfaces closer than this share of the typical depth are taken as one: reprojection errors of calibrated
-# rigs and of depth estimation grow with depth, and stay well below it. 0.2 m (the paper) at 10 m.
+# Two surfaces closer than this share of the typical depth are taken as one: calibration and estimation of depth are off
+# by less. 0.2 m (the paper) at 10 m.
 _DELTA_SHARE = 0.02
-# Depth that is coded in steps of s is off by up to s / 2 on each of two surfaces; twice that is kept clear of.
+# Depth that is coded in steps of s is off by up to s / 2 on each of two surfaces; twice that is kept clear of. It is an
+# error of disparity: where depths reach from people to hills, one length for all would cull nobody, or the hills.
 _DELTA_STEPS = 4.0
 # A maximum depth image follows changes much finer than delta: where someone's feet leave the floor, the rim that is
 # less than delta above it has to take on the floor's colour. The rounding of codes must not look like a change:
@@ -42,14 +45,26 @@ _MARGIN_DEVIATIONS = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """delta_m: of culling and filtering, metres along a ray; margin_m: the least nontrivial amount, metres.
+    """delta, of culling and filtering: delta_m metres along a ray, or an error of delta_disparity (1/m) where that is
+    more. margin_m: the least nontrivial amount, metres; margin_disparity: the same in each camera's disparities.
 
-    noise: the standard deviation of disparity between frames, 1/m.
+    depth_m: the median of the first frame's depths; noise: the standard deviation of disparity between frames, 1/m.
     """
 
     delta_m: float
     margin_m: float
     noise: float = 0.0
+    delta_disparity: float = 0.0
+    depth_m: float = 0.0
+
+    @property
+    def slack(self) -> Slack:
+        """delta as kernels take it."""
+        return float(self.delta_m), float(self.delta_disparity)
+
+    def delta_at(self, depth_m: npt.NDArray[np.float64] | float) -> Any:
+        """delta at a depth, metres."""
+        return np.maximum(self.delta_m, self.delta_disparity * np.square(depth_m))
 
     def margin_disparity(self, coding: DepthCoding) -> float:
         """The least nontrivial amount in a camera's disparities, 1/m."""
@@ -57,11 +72,19 @@ class Tolerances:
 
 
 def scene_tolerances(views: Sequence[View], settings: Settings) -> Tolerances:
-    """Tolerances from the depths of the first frame; `settings.delta_m` is taken as it is."""
-    delta = settings.delta_m
+    """Tolerances from the depths of the first frame; what `settings` say is taken as it is.
+
+    Raises ValueError where no view has a valid depth.
+    """
+    depth, steps = _median_depth(views), [view.camera.depth.step for view in views]
+    delta, disparity, margin = settings.delta_m, settings.delta_disparity, settings.margin_m
+    if disparity is None:
+        disparity = _DELTA_STEPS * float(np.median(steps)) if delta is None else 0.0
     if delta is None:
-        delta = _automatic_delta(views)
-    return Tolerances(delta, _MARGIN_SHARE * delta)
+        delta = _DELTA_SHARE * depth
+    if margin is None:
+        margin = _MARGIN_SHARE * delta
+    return Tolerances(delta, margin, delta_disparity=disparity, depth_m=depth)
 
 
 def with_noise(
@@ -72,21 +95,24 @@ def with_noise(
     `first`: `sampled_disparity` of the views in the first frame. Estimated depth drifts as well: a frame long after the
     first tells more of its noise than the second. Delta follows from the flicker between neighbouring frames alone.
     """
-    noise, medians = [], []
+    noise = []
     for old, view in zip(first, views, strict=True):
         difference = np.abs(sampled_disparity(view.camera, view.codes) - old)
         difference = difference[np.isfinite(difference)]
         if difference.size:
             # The median: what moves is less than half of a picture.
             noise.append(_DEVIATION_OF_MEDIAN * float(np.median(difference)))
-            medians.append(1.0 / float(np.nanmedian(old)))
     if not noise:
         return tolerances
     deviation = float(np.median(noise))
-    delta = tolerances.delta_m
-    if settings.delta_m is None and tolerances.noise == 0.0:
-        delta = max(delta, _DELTA_DEVIATIONS * deviation * float(np.median(medians)) ** 2)
-    return dataclasses.replace(tolerances, delta_m=delta, noise=max(deviation, tolerances.noise))
+    delta, disparity = tolerances.delta_m, tolerances.delta_disparity
+    if settings.delta_m is None and settings.delta_disparity is None and tolerances.noise == 0.0:
+        disparity = max(disparity, _DELTA_DEVIATIONS * deviation)
+        # Not every noise is the same in all disparities: what is near has no less than the median depth.
+        delta = max(delta, disparity * tolerances.depth_m**2)
+    return dataclasses.replace(
+        tolerances, delta_m=delta, delta_disparity=disparity, noise=max(deviation, tolerances.noise)
+    )
 
 
 def sampled_disparity(camera: Camera, codes: U16) -> F64:
@@ -95,14 +121,12 @@ def sampled_disparity(camera: Camera, codes: U16) -> F64:
     return camera.depth.disparity(codes[::stride, ::stride])
 
 
-def _automatic_delta(views: Sequence[View]) -> float:
-    medians, steps = [], []
+def _median_depth(views: Sequence[View]) -> float:
+    medians = []
     for view in views:
-        depth = 1.0 / sampled_disparity(view.camera, view.codes)
-        depth = depth[np.isfinite(depth)]
-        if depth.size:
-            medians.append(float(np.median(depth)))
-            steps.append(float(np.percentile(depth, 95)) ** 2 * view.camera.depth.step)
+        disparity = sampled_disparity(view.camera, view.codes)
+        if np.isfinite(disparity).any():
+            medians.append(1.0 / float(np.nanmedian(disparity)))
     if not medians:
         raise ValueError("first frame: no view has a valid depth: expected at least one")
-    return max(_DELTA_SHARE * float(np.median(medians)), _DELTA_STEPS * float(np.median(steps)))
+    return float(np.median(medians))

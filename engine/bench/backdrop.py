@@ -91,7 +91,7 @@ def _samples(
         error = picture.texture.y.astype(np.float64) - truth.texture.y
         model = engines[mode].model
         assert model is not None
-        far, near = _wrong(picture, truth, model.delta)
+        far, near = _wrong(picture, truth, model)
         yield BackdropSample(
             camera.name, index, views, mode, psnr(truth.texture, picture.texture)[0],
             iv_psnr(truth.texture, picture.texture), float(np.sum(error[undrawn] ** 2)), int(undrawn.sum()),
@@ -99,7 +99,7 @@ def _samples(
         )  # fmt: skip
 
 
-def _wrong(picture: RenderedPicture, truth: View, delta: float) -> tuple[Bools, Bools]:
+def _wrong(picture: RenderedPicture, truth: View, model: BackgroundModel) -> tuple[Bools, Bools]:
     """Pixels of the backdrop behind the farthest of what is there round them, and before the nearest; [h, w] each."""
     there = truth.camera.depth.depth(truth.codes)
     h, w = there.shape
@@ -107,7 +107,8 @@ def _wrong(picture: RenderedPicture, truth: View, delta: float) -> tuple[Bools, 
     around = [padded[y : y + h, x : x + w] for y, x in product(range(3), range(3))]
     backdrop = (picture.winner == len(picture.report.views)) & ~picture.holes()
     with np.errstate(divide="ignore"):
-        depth = np.where(backdrop, 1.0 / picture.disparity - delta, np.nan)  # it was pushed back by delta
+        depth = np.where(backdrop, 1.0 / picture.disparity - model.delta, np.nan)  # it was pushed back
+    delta = model.tolerances.delta_at(there)
     return depth > np.max(around, axis=0) + delta, depth < np.min(around, axis=0) - delta
 
 

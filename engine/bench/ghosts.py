@@ -77,10 +77,13 @@ def watch_ghosts(
             )  # fmt: skip
 
 
-def ghost_pixels(model: BackgroundModel, background: View, now: View) -> tuple[Bools, Bools, Bools]:
+def ghost_pixels(
+    model: BackgroundModel, background: View, now: View, share: float | None = None
+) -> tuple[Bools, Bools, Bools]:
     """Where the model has a hole, is nearer than the background, and nearer than what is there now; [h, w] each.
 
-    Nearer than the nearest of the pixel and its neighbours: outlines may be a pixel off.
+    Nearer than the nearest of the pixel and its neighbours: outlines may be a pixel off. By more than delta, or a
+    `share` of its own depth.
     """
     camera = background.camera
     coding = dataclasses.replace(camera.depth, has_invalid=True)
@@ -89,7 +92,8 @@ def ghost_pixels(model: BackgroundModel, background: View, now: View) -> tuple[B
 
     def nearer_than(view: View) -> Bools:
         there = _nearest(camera.depth.depth(view.codes))
-        nearer: Bools = depth + model.delta < 1.0 / (1.0 / there + model.mesh_tolerance)
+        slack = model.tolerances.delta_at(depth) if share is None else share * depth
+        nearer: Bools = depth + slack < 1.0 / (1.0 / there + model.mesh_tolerance)
         return nearer
 
     return found.codes == 0, nearer_than(background), nearer_than(now)

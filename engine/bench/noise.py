@@ -133,11 +133,12 @@ def model_error(model: BackgroundModel, background: View, once_hidden: Bools) ->
     there, true = coding.depth(found.codes), camera.depth.depth(background.codes)
     inside = ~_beside_edges(true)
     off = there - true
-    same = inside & (np.abs(np.nan_to_num(off, nan=np.inf)) <= model.delta)
+    delta = model.tolerances.delta_at(true)
+    same = inside & (np.abs(np.nan_to_num(off, nan=np.inf)) <= delta)
     luma = found.texture.y.astype(np.float64) - background.texture.y
     surface = _rms(off[same])
     return ModelError(
-        surface, surface / model.delta, _rms(luma[same]), _rms(luma[same & once_hidden]),
+        surface, _rms(off[same] / delta[same]), _rms(luma[same]), _rms(luma[same & once_hidden]),
         float((inside & ~same & (found.codes > 0)).mean()), float((found.codes == 0).mean()),
     )  # fmt: skip
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from .project import unproject_point
 from .rays import farthest_hit, load_f32, load_u16, load_u32
+from .slack import Slack
 from .standing import standing_hit
 from .uncovered import CELL
 
@@ -94,7 +95,7 @@ def _hit_uv(surface: I64, primitive: int, hu: float, hv: float) -> tuple[float, 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _cast(
     function: int, scene: int, camera: F64, bounds: F64, surfaces: I64, near: float, present: F64, codes: I64,
-    slack: float, x: int, y: int, hits: F64, k: int,
+    slack: Slack, x: int, y: int, hits: F64, k: int,
 ) -> int:  # fmt: skip
     """What is shown behind a pixel's centre, into hits[k] [7]: disparity (0: nothing), source u and v, source
     camera, geometry, primitive, distance; returns the rays cast."""
@@ -187,7 +188,7 @@ def _is_wanted(wanted: U8, pair: int, column: int, before: int) -> bool:
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def render_background(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, largest: int,
-    surfaces: I64, images: I64, near: float, present: F64, seen: I64, slack: float, sparse: bool,
+    surfaces: I64, images: I64, near: float, present: F64, seen: I64, slack: Slack, sparse: bool,
     wanted: U8, codes: U16, y: U16, cb: U16, cr: U16,
 ) -> int:  # fmt: skip
     """Fills a view of the background, code 0 where there is none; returns the rays cast.

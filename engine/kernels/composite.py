@@ -12,6 +12,7 @@ from .present import present_depth
 from .project import unproject_point
 from .sight import looks_through
 from .simd import LANES, any_of, load
+from .slack import Slack, slack_at
 
 __all__ = ["lay_backdrop"]
 
@@ -61,7 +62,7 @@ def _first_to_ask(backdrop: F32, disparity: F32, slack: float, x: int) -> int:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _lay_pixel(
-    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: float, number: int,
+    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: Slack, number: int,
     disparity: F32, winner: U8, y: int, x: int,
 ) -> None:  # fmt: skip
     q, live = backdrop[y, x], disparity[y, x]
@@ -73,10 +74,11 @@ def _lay_pixel(
             ghost = True
             break
     if len(order) > 0:
-        limit = np.inf if ghost and live <= 0.0 else 1.0 / q + slack
+        around = slack_at(slack, 1.0 / q)
+        limit = np.inf if ghost and live <= 0.0 else 1.0 / q + around
         depth, view = _present(table, addresses, order, camera, x, y, 1.0 / q, limit)
         if live > 0.0:
-            ghost |= view < 0 or depth < 1.0 / q - slack
+            ghost |= view < 0 or depth < 1.0 / q - around
         elif view >= 0:
             disparity[y, x] = 1.0 / depth
             winner[y, x] = number + 1 + view
@@ -88,7 +90,7 @@ def _lay_pixel(
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def lay_backdrop(
-    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: float, number: int,
+    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: Slack, number: int,
     disparity: F32, winner: U8,
 ) -> None:  # fmt: skip
     """Take the backdrop's disparity where nothing was drawn or where it is clearly nearer, as view `number`.
@@ -103,11 +105,11 @@ def lay_backdrop(
     h, w = disparity.shape
     for row in numba.prange(h):
         y = np.int64(row)
-        x = _first_to_ask(backdrop[y], disparity[y], slack, 0)
+        x = _first_to_ask(backdrop[y], disparity[y], slack[0], 0)
         while x < w:
             for column in range(x, min(x + LANES, w)):
-                if _may_show(np.float64(backdrop[y, column]), np.float64(disparity[y, column]), slack):
+                if _may_show(np.float64(backdrop[y, column]), np.float64(disparity[y, column]), slack[0]):
                     _lay_pixel(
                         backdrop, camera, table, addresses, order, slack, number, disparity, winner, y, column
                     )
-            x = _first_to_ask(backdrop[y], disparity[y], slack, x + LANES)
+            x = _first_to_ask(backdrop[y], disparity[y], slack[0], x + LANES)

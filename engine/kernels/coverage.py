@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import project_pixels, project_point, unproject_point
+from .slack import Slack, slack_at
 
 __all__ = ["BLOCK", "cover_cells", "keep_farther", "mark_smooth"]
 
@@ -59,7 +60,7 @@ def _keep_worst(line: U16, upper: F32, lower: F32, share: float, worst: F32) -> 
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def mark_smooth(codes: U16, coding: F64, tolerance_m: float, smooth: U8) -> None:
+def mark_smooth(codes: U16, coding: F64, tolerance: Slack, smooth: U8) -> None:
     """Sets smooth [ceil((h - 1) / BLOCK), ceil((w - 1) / BLOCK)] to 1 where a block's depths follow from its corners'.
 
     Bilinearly, within a share of the tolerance, and all are valid; else 0. coding as in `keep_farther`.
@@ -79,7 +80,7 @@ def mark_smooth(codes: U16, coding: F64, tolerance_m: float, smooth: U8) -> None
             left, right = BLOCK * column, min(BLOCK * (column + 1), w - 1)
             lowest = min(min(upper[left], upper[right]), min(lower[left], lower[right]))
             depth = _depth(lowest, coding)
-            limit = _SMOOTH * tolerance_m / (depth * depth * coding[1])
+            limit = _SMOOTH * slack_at(tolerance, depth) / (depth * depth * coding[1])
             largest = np.float32(0.0)
             for x in range(left, right + 1):
                 largest = max(largest, worst[x])
@@ -110,10 +111,11 @@ def _farther(codes: U16, coding: F64, wraps: bool, edge: float, u: float, v: flo
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _look_at_corners(
     codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
-    edge: float, tolerance_m: float, row: int, pixels: F64, images: F64, outside: I64,
+    edge: float, tolerance: Slack, row: int, pixels: F64, images: F64, outside: I64,
 ) -> None:  # fmt: skip
     """A row of blocks' corners in an earlier view: images [3, columns + 1] u, v and by how much it sees farther than
-    has to be; `outside`: on which sides they are outside its picture, or unknown. pixels: room as large as images."""
+    has to be, in tolerances; `outside`: on which sides they are outside its picture, or unknown. pixels: room as large
+    as images."""
     h, w = codes.shape
     y = min(BLOCK * row, h - 1)
     count = images.shape[1]
@@ -126,9 +128,10 @@ def _look_at_corners(
         side = (u < 0.0) * _LEFT + (u >= earlier_camera[1]) * _RIGHT
         side += (v < 0.0) * _ABOVE + (v >= earlier_camera[2]) * _BELOW
         outside[i] = side if there > 0.0 else _UNKNOWN
+        slack = slack_at(tolerance, there)
         images[2, i] = _farther(
-            earlier_codes, earlier_coding, earlier_camera[19] != 0.0, edge, u, v, there - tolerance_m
-        ) if outside[i] == 0 else 0.0  # fmt: skip
+            earlier_codes, earlier_coding, earlier_camera[19] != 0.0, edge, u, v, there - slack
+        ) / slack if outside[i] == 0 else 0.0  # fmt: skip
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -160,7 +163,7 @@ def _clear(keep: U8, top: int, bottom: int, left: int, right: int) -> None:
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _look_at_pixels(
     codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
-    edge: float, tolerance_m: float, top: int, bottom: int, left: int, right: int, pixels: F64, images: F64, keep: U8,
+    edge: float, tolerance: Slack, top: int, bottom: int, left: int, right: int, pixels: F64, images: F64, keep: U8,
 ) -> int:  # fmt: skip
     """What `keep_farther` does, of a block; returns the number of pixels that were not cleared before."""
     count = 0
@@ -174,7 +177,7 @@ def _look_at_pixels(
     for i in range(count):
         u, v, there = images[0, i], images[1, i], images[2, i]
         if there > 0.0 and u >= 0.0 and v >= 0.0 and u < earlier_camera[1] and v < earlier_camera[2]:
-            wraps, limit = earlier_camera[19] != 0.0, there - tolerance_m
+            wraps, limit = earlier_camera[19] != 0.0, there - slack_at(tolerance, there)
             if _farther(earlier_codes, earlier_coding, wraps, edge, u, v, limit) >= 0.0:
                 keep[int(pixels[1, i]), int(pixels[0, i])] = 0
     return count
@@ -184,7 +187,7 @@ def _look_at_pixels(
 def keep_farther(
     codes: U16, camera: F64, coding: F64, smooth: U8,
     earlier_codes: U16, earlier_camera: F64, earlier_coding: F64, earlier_smooth: U8,
-    edge: float, tolerance_m: float, keep: U8,
+    edge: float, tolerance: Slack, keep: U8,
 ) -> int:  # fmt: skip
     """Clears keep [h, w] where an earlier view sees the pixel's point, or something about as far or farther.
 
@@ -201,7 +204,7 @@ def keep_farther(
         out_above, out_below = np.empty(columns + 1, np.int64), np.empty(columns + 1, np.int64)
         for k in range(2):
             _look_at_corners(
-                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, tolerance_m,
+                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, tolerance,
                 row + k, room, below if k else above, out_below if k else out_above,
             )  # fmt: skip
         # The last row and column of blocks hold the last pixels; the others' belong to their neighbours.
@@ -214,7 +217,7 @@ def keep_farther(
                     continue
                 low = min(min(above[2, column], above[2, column + 1]), min(below[2, column], below[2, column + 1]))
                 high = max(max(above[2, column], above[2, column + 1]), max(below[2, column], below[2, column + 1]))
-                margin = 2.0 * _SMOOTH * tolerance_m
+                margin = 2.0 * _SMOOTH
                 if (
                     (out[0] | out[1] | out[2] | out[3]) == 0
                     and (low > margin or high < -margin)
@@ -224,7 +227,7 @@ def keep_farther(
                         _clear(keep, BLOCK * row, bottom, left, right)
                     continue
             single += _look_at_pixels(
-                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, tolerance_m,
+                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, tolerance,
                 BLOCK * row, bottom, left, right, block[0], block[1], keep,
             )  # fmt: skip
     return single

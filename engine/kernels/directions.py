@@ -12,6 +12,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from .slack import Slack, slack_at
+
 __all__ = ["COLUMNS", "ROWS", "forget_marks", "note_directions"]
 
 ROWS, COLUMNS = 128, 256
@@ -84,10 +86,10 @@ def note_directions(cameras: F64, points: F32, triangles: I32, which: I64, cells
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def forget_marks(
-    camera: F64, points: F32, triangles: I32, cells: F32, behind: float, marks: U64, word: int, bit: np.uint64
+    camera: F64, points: F32, triangles: I32, cells: F32, delta: Slack, marks: U64, word: int, bit: np.uint64
 ) -> None:
-    """Takes a camera's bit from marks [m, words] of triangles that lie nearer, by `behind`, than a cell [ROWS, COLUMNS]
-    in which it sees them says."""
+    """Takes a camera's bit from marks [m, words] of triangles that lie nearer, by delta / 2, than a cell [ROWS,
+    COLUMNS] in which it sees them says."""
     for i in numba.prange(triangles.shape[0]):
         if marks[i, word] & bit == 0:
             continue
@@ -98,5 +100,5 @@ def forget_marks(
         for row in range(first, last + 1):
             for column in range(left, left + count):
                 farthest = max(farthest, cells[row, column % COLUMNS])
-        if farthest > near + behind:
+        if farthest > near + 0.5 * slack_at(delta, near):
             marks[i, word] &= ~bit

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .rays import farthest_hit
+from .slack import Slack, slack_at
 
 __all__ = ["accept_candidates", "clear_culled", "inherit_marks", "paint_triangles"]
 
@@ -51,20 +52,20 @@ def _beside_accepted(kept: U8, y: int, x: int) -> bool:
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _judge(
-    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, depth: float, delta: float
+    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, depth: float, delta: Slack
 ) -> int:
     """What becomes of a surface seen at (u, v): _CONFIRMED where the PBS has a hole, be it a pixel's; _ACCEPTED, or 0
     where it is not more than delta behind the farthest hit."""
     distance, _u, _v, _geometry, _primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
     if distance < 0.0:
         return _CONFIRMED
-    return _ACCEPTED if depth * length > distance + delta else 0
+    return _ACCEPTED if depth * length > distance + slack_at(delta, distance) else 0
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _share_ray(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, updated: U8, kept: U8, y: int, x: int,
-    delta: float,
+    delta: Slack,
 ) -> bool:  # fmt: skip
     """Whether 2x2 pixels from (x, y) on are all candidates on one surface that is not farther than the PBS."""
     near = far = codes[y, x]
@@ -74,7 +75,7 @@ def _share_ray(
                 return False
             near, far = max(near, codes[row, column]), min(far, codes[row, column])
     depth = 1.0 / (coding[0] + coding[1] * max(float(far), coding[3]))
-    if depth - 1.0 / (coding[0] + coding[1] * max(float(near), coding[3])) > _FLAT * delta:
+    if depth - 1.0 / (coding[0] + coding[1] * max(float(near), coding[3])) > _FLAT * slack_at(delta, depth):
         return False
     return _judge(function, scene, camera, bounds, x + 1.0, y + 1.0, depth, delta) == 0
 
@@ -82,7 +83,7 @@ def _share_ray(
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def accept_candidates(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, updated: U8, kept: U8,
-    delta: float, blocks: I64, height: int, width: int, counts: I64,
+    delta: Slack, blocks: I64, height: int, width: int, counts: I64,
 ) -> None:  # fmt: skip
     """The filter of Fig. 6b: an updated pixel is kept if its point is more than delta behind the farthest hit.
 
@@ -150,7 +151,7 @@ def accept_candidates(
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _judge_pixel(
-    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, y: int, x: int, delta: float
+    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, y: int, x: int, delta: Slack
 ) -> int:
     """`_judge` of a pixel: off the outermost ones' centres, where the mesh ends; rays there may just miss it."""
     h, w = codes.shape

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import project_point
+from .slack import Slack, slack_at
 from .view_table import EDGE, INVALID, OFFSET, STEP, load_texel
 
 __all__ = ["looks_through", "shows"]
@@ -15,26 +16,27 @@ F64 = npt.NDArray[np.float64]
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _image(row: F64, x: float, y: float, z: float, slack: float) -> tuple[int, float]:
-    """Index of the first of the four texels round a point's image in a view, and its depth; -1 where there are none,
-    or where the view is not `slack` metres away."""
+def _image(row: F64, x: float, y: float, z: float, slack: Slack) -> tuple[int, float, float]:
+    """Index of the first of the four texels round a point's image in a view, its depth, and the slack there in metres;
+    -1 where there are none, or where the view is nearer than that."""
     u, v, depth = project_point(row, x, y, z)
-    if not (depth > slack and u >= 0.5 and v >= 0.5 and u <= row[1] - 0.5 and v <= row[2] - 0.5):
-        return -1, depth
+    around = slack_at(slack, depth)
+    if not (depth > around and u >= 0.5 and v >= 0.5 and u <= row[1] - 0.5 and v <= row[2] - 0.5):
+        return -1, depth, around
     ix, iy = min(int(u - 0.5), int(row[1]) - 2), min(int(v - 0.5), int(row[2]) - 2)
-    return (iy * int(row[1]) + ix if ix >= 0 and iy >= 0 else -1), depth
+    return (iy * int(row[1]) + ix if ix >= 0 and iy >= 0 else -1), depth, around
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: float, texels: int = 4) -> bool:
-    """Whether a view sees farther, by more than `slack` metres, on so many of the four texels round a point's image.
+def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: Slack, texels: int = 4) -> bool:
+    """Whether a view sees farther, by more than the slack, on so many of the four texels round a point's image.
 
     row: of a view table (`kernels.view_table`), codes: address of depth codes of its size.
     """
-    at, depth = _image(row, x, y, z, slack)
+    at, depth, around = _image(row, x, y, z, slack)
     if at < 0:
         return False
-    limit = (1.0 / (depth + slack) - row[OFFSET]) / row[STEP]
+    limit = (1.0 / (depth + around) - row[OFFSET]) / row[STEP]
     farther = 0
     for k in range(4):
         code = load_texel(codes, at + (k & 1) + (k >> 1) * int(row[1]))
@@ -43,12 +45,12 @@ def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: flo
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def shows(row: F64, codes: int, x: float, y: float, z: float, slack: float) -> bool:
-    """Whether the four texels round a point's image are one surface, which passes within `slack` metres of the point.
+def shows(row: F64, codes: int, x: float, y: float, z: float, slack: Slack) -> bool:
+    """Whether the four texels round a point's image are one surface, which passes within the slack of the point.
 
     row and codes as in `looks_through`.
     """
-    at, depth = _image(row, x, y, z, slack)
+    at, depth, around = _image(row, x, y, z, slack)
     if at < 0:
         return False
     lowest, highest = 65535, 0
@@ -57,6 +59,6 @@ def shows(row: F64, codes: int, x: float, y: float, z: float, slack: float) -> b
         lowest, highest = min(lowest, code), max(highest, code)
     if highest - lowest > row[EDGE] or (lowest == 0 and row[INVALID] > 0.0):
         return False
-    farthest = (1.0 / (depth + slack) - row[OFFSET]) / row[STEP]
-    nearest = (1.0 / (depth - slack) - row[OFFSET]) / row[STEP]
+    farthest = (1.0 / (depth + around) - row[OFFSET]) / row[STEP]
+    nearest = (1.0 / (depth - around) - row[OFFSET]) / row[STEP]
     return highest >= farthest and lowest <= nearest

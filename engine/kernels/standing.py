@@ -14,6 +14,7 @@ import numpy.typing as npt
 from .project import unproject_point
 from .rays import BESIDE_PX, INVALID_ID, ROUNDING, farthest_hit, intersect1
 from .sight import looks_through, shows
+from .slack import Slack, slack_at
 
 __all__ = ["standing_hit"]
 
@@ -24,7 +25,7 @@ _LAYERS = 8  # surfaces that are looked at along a ray before the farthest is ta
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _stands(table: F64, codes: I64, x: float, y: float, z: float, slack: float) -> bool:
+def _stands(table: F64, codes: I64, x: float, y: float, z: float, slack: Slack) -> bool:
     """Whether no view has ever looked through a point."""
     for k in range(table.shape[0]):  # noqa: SIM110 (compiled)
         if looks_through(table[k], codes[k, 1], x, y, z, slack):
@@ -35,12 +36,12 @@ def _stands(table: F64, codes: I64, x: float, y: float, z: float, slack: float) 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def standing_hit(
     function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, near: float,
-    owners: I64, table: F64, codes: I64, slack: float,
+    owners: I64, table: F64, codes: I64, slack: Slack,
 ) -> tuple[float, float, float, int, int, float, int]:  # fmt: skip
     """As `rays.farthest_hit`, but of the surfaces beyond depth `near` the nearest that stands, and the rays cast.
 
     A surface stands where the view that it stems from shows it now (most do: one ray), or no view has ever looked
-    through it. What lies within `slack` metres of the farthest hit is taken to be that surface, and it is the last
+    through it. What lies within the slack of the farthest hit is taken to be that surface, and it is the last
     resort: whether it is a ghost the front end sees. owners [geometries, >= 3]: column 2 is a geometry's view;
     table: views as `kernels.view_table` has them; codes [views, 2]: addresses of their present codes and of their
     maximum depth images. What hits nothing is asked again a little beside (see `rays.BESIDE_PX`).
@@ -85,7 +86,7 @@ def _standing_along(
         if layer == 0:
             last, lu, lv, last_geometry, last_primitive, _length = farthest_hit(function, scene, camera, bounds, u, v)
             rays += 1
-        if depth * length >= last - max(slack, ROUNDING * last):
+        if depth * length >= last - max(slack_at(slack, last), ROUNDING * last):
             break
         if _stands(table, codes, x, y, z, slack):
             return (*found, rays)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from oracle.rays import slack_at
 
 
 def farther_pixels(view, earlier, tolerance, edge):
@@ -21,6 +22,6 @@ def farther_pixels(view, earlier, tolerance, edge):
             seen = other.camera.depth.disparity(other.codes[y : y + 2, x : x + 2])
             across, down = u - 0.5 - x, v - 0.5 - y
             between = np.array([1 - down, down]) @ seen @ np.array([1 - across, across])
-            if 1 / (seen.max() if np.ptp(seen) > edge else between) >= there - tolerance:  # nan: not
+            if 1 / (seen.max() if np.ptp(seen) > edge else between) >= there - slack_at(tolerance, there):  # nan: not
                 keep[row, column] = False
     return keep

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from oracle.rays import hit_distances, pixel_ray
+from oracle.rays import hit_distances, pixel_ray, slack_at
 
 
 def _texels(camera, codes, point, slack):
     """Codes of the four texels round a point's image in a view, and its depth there; none where it has no image."""
     (u, v), depth = camera.project(point)
     h, w = codes.shape
-    if not (depth > slack and 0.5 <= u <= w - 0.5 and 0.5 <= v <= h - 0.5):
+    if not (depth > slack_at(slack, depth) and 0.5 <= u <= w - 0.5 and 0.5 <= v <= h - 0.5):
         return codes[:0], depth
     x, y = min(int(u - 0.5), w - 2), min(int(v - 0.5), h - 2)
     return codes[y : y + 2, x : x + 2], depth
@@ -19,7 +19,8 @@ def _texels(camera, codes, point, slack):
 def looks_through(camera, codes, point, slack):
     """Whether a view's depths [h, w] are all more than slack behind the point, on the texels round its image."""
     texels, depth = _texels(camera, codes, point, slack)
-    return bool(texels.size and np.all(camera.depth.depth(texels) > depth + slack))  # nan: nothing known
+    limit = depth + slack_at(slack, depth)
+    return bool(texels.size and np.all(camera.depth.depth(texels) > limit))  # nan: nothing known
 
 
 def shows(camera, edge, codes, point, slack):
@@ -28,7 +29,8 @@ def shows(camera, edge, codes, point, slack):
     depths = camera.depth.depth(texels)
     if not texels.size or np.isnan(depths).any() or np.ptp(texels.astype(int)) > edge:
         return False
-    return bool(depths.min() <= depth + slack and depths.max() >= depth - slack)
+    around = slack_at(slack, depth)
+    return bool(depths.min() <= depth + around and depths.max() >= depth - around)
 
 
 def standing(camera, u, v, near, meshes, views, slack):
@@ -49,7 +51,7 @@ def standing(camera, u, v, near, meshes, views, slack):
         owner, edge, present, _memory = views[meshes[number][2]]
         if shows(owner, edge, present, point, slack):
             return t, number, i
-        if t >= hits[-1][0] - slack:
+        if t >= hits[-1][0] - slack_at(slack, hits[-1][0]):
             return hits[-1]
         if not any(looks_through(view, memory, point, slack) for view, _edge, _present, memory in views):
             return t, number, i

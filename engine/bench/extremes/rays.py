@@ -160,7 +160,7 @@ def _layers(share: float) -> list[Measured]:
     camera = Camera("eye", Perspective.from_fov(96, 72, 1.4), turned((0.0, 0.0, 0.0), 0), CODING)
     near, far = (_wall(camera, depth) for depth in (4.0, 4.0 + share * _DELTA))
     pbs = _surface_of(near, far)
-    mark_missed(pbs, [0], np.array([camera.packed()] * 2), _DELTA)
+    mark_missed(pbs, [0], np.array([camera.packed()] * 2), (_DELTA, 0.0))
     cull_unmarked(pbs)
     invalid = [int(np.count_nonzero(pbs.static[k].invalid)) for k in (0, 1)]
     expected = len(near.triangles) if share > 0.5 else 0
@@ -186,7 +186,7 @@ def _culled(order: Sequence[int], placement: Placement = HOME) -> tuple[list[npt
     pbs.commit()
     delta = _DELTA * placement.scale
     packed = np.array([camera.packed(scene.origin) for camera in cameras])
-    mark_missed(pbs, order, packed, delta, share=len(order) % 2 == 0 and order[0] > 0)
+    mark_missed(pbs, order, packed, (delta, 0.0), share=len(order) % 2 == 0 and order[0] > 0)
     cull_unmarked(pbs)
     return [pbs.static[number].invalid for number in range(len(cameras))], delta
 
