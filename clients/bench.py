@@ -20,7 +20,8 @@ def command(
         bool, typer.Option("--accuracy", help="All quality figures over FOLDERs and --twins, with a report.")
     ] = False,
     twins: Annotated[
-        str | None, typer.Option(metavar="NAME,...", help="Twins to make on the fly, at --scale (--accuracy, --trade).")
+        str | None,
+        typer.Option(metavar="NAME,...", help="Twins to make at --scale (--accuracy, --trade, --tolerances)."),
     ] = None,
     peers: Annotated[
         Path | None,
@@ -102,7 +103,12 @@ def command(
     spared: Annotated[
         str | None, typer.Option(metavar="NAME,...", help="Work and memory that twins do not need, and are spared.")
     ] = None,
-    scale: Annotated[float, typer.Option(help="Size of a twin's pictures.")] = 0.25,
+    tolerances: Annotated[
+        bool, typer.Option("--tolerances", help="Automatic tolerances beside smaller and larger ones, over --twins.")
+    ] = False,
+    scale: Annotated[
+        float | None, typer.Option(help="Size of a twin's pictures (0.25; --tolerances 0.07).", min=0.001)
+    ] = None,
     frames: Annotated[
         int | None,
         typer.Option(
@@ -124,11 +130,16 @@ def command(
         "--flicker": flicker, "--live": live, "--stages": stages, "--targets": targets, "--scaling": scaling,
         "--spared": spared,
     }  # fmt: skip
-    if not (accuracy or trade or extremes) and all(chosen is None for chosen in wishes.values()):
+    if not (accuracy or trade or extremes or tolerances) and all(chosen is None for chosen in wishes.values()):
         raise ValueError(
-            "bench: nothing to measure: expected --accuracy, --trade, --extremes or one of "
+            "bench: nothing to measure: expected --accuracy, --trade, --extremes, --tolerances or one of "
             f"{', '.join(wishes)}, with what to measure it on"
         )
+    if tolerances:
+        from .benchmarks.tolerances import show_tolerances
+
+        show_tolerances(twins, 0.07 if scale is None else scale, quality, report)
+    scale = 0.25 if scale is None else scale
     if accuracy:
         from .benchmarks.accuracy import make_plan, show_accuracy
 
