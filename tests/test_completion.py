@@ -167,7 +167,7 @@ def test_what_is_not_measured_hides_no_measured_surface():
 
 
 def test_sparse_depth_of_a_twin_gives_better_pictures_completed(tmp_path):
-    write_twin("painter", tmp_path, 0.08, 1)
+    write_twin("painter", tmp_path, 0.12, 1)
     sequence = open_sequence(tmp_path)
     view = sequence.frame(0).views[0]
     holes = punched(view, 1)
