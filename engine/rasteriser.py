@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .kernels import blocks, rasterise, sorting, spherical
+from .kernels.simd import BEYOND
 from .mesh import Mesh
 from .target import Target
 from .tiles import EVERYWHERE, Tiles
@@ -17,7 +18,6 @@ from .tiles import EVERYWHERE, Tiles
 __all__ = ["Rasteriser"]
 
 _NOTHING = np.empty((0, 0), np.float32)
-_BEYOND = 3  # bytes that kernels may read behind the last point's
 _BANDS = 16
 _CHUNKS = 4
 _FEW = 20000  # points and triangles below which threads cost more than they bring
@@ -62,7 +62,7 @@ class Rasteriser:
             return 0
         kernels = _SERIAL if (starts[visible + 1] - starts[visible]).sum() < _FEW else _PARALLEL
         screen = self._room("_screen", len(mesh.points) * 4).reshape(-1, 4)
-        nearer = self._room("_nearer", len(mesh.points) + _BEYOND)
+        nearer = self._room("_nearer", len(mesh.points) + BEYOND)
         kernels.place(
             mesh.points, starts, visible, camera, disparity if open_tiles.size else _NOTHING, margin, screen, nearer
         )

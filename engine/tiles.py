@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .kernels import tiles as kernels
+from .kernels.simd import BEYOND
 from .kernels.tiles import TILE
 
 __all__ = ["EVERYWHERE", "HoleMap", "Tiles", "new_tiles"]
@@ -17,13 +18,12 @@ F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
 
 EVERYWHERE: Tiles = np.empty((0, 0), np.uint8)  # no tiles: nothing is passed over
-_BEYOND = 3  # bytes that kernels may read behind the last tile
 
 
 def new_tiles(height: int, width: int) -> Tiles:
     """Tiles [ceil(height / TILE), ceil(width / TILE)] of a picture, none marked, as kernels read them."""
     shape = math.ceil(height / TILE), math.ceil(width / TILE)
-    return np.zeros(shape[0] * shape[1] + _BEYOND, np.uint8)[:-_BEYOND].reshape(shape)
+    return np.zeros(shape[0] * shape[1] + BEYOND, np.uint8)[:-BEYOND].reshape(shape)
 
 
 class HoleMap:

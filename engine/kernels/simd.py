@@ -20,6 +20,7 @@ from numba.core.typing.templates import ConcreteTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 
 __all__ = [
+    "BEYOND",
     "LANES",
     "Floats",
     "Integers",
@@ -58,6 +59,7 @@ __all__ = [
 ]
 
 LANES = 16
+BEYOND = 3  # bytes behind the one that is meant which `gather_bytes` reads, too
 # Vectors, in annotations.
 Floats: TypeAlias = Any
 Integers: TypeAlias = Any
