@@ -62,8 +62,8 @@ def _draw_clipped(
     h, w = disparity.shape
     count = max(_clip(screen, triangle, camera, near, polygon) - 2, 0)
     set_up(
-        polygon.ctypes.data, fan.ctypes.data, both.ctypes.data, count, winding(camera), 0.0, first, last, w, h,
-        ready.ctypes.data,
+        polygon.ctypes.data, fan.ctypes.data, both.ctypes.data, count, winding(camera), np.float32(0.0), first, last,
+        w, h, ready.ctypes.data,
     )  # fmt: skip
     for lane in range(count):
         draw_triangle(ready.ctypes.data, lane, disparity.ctypes.data, winner.ctypes.data, w, margin, push, view)
@@ -88,7 +88,7 @@ def _draw_listed(
             if row_count(ready.ctypes.data, lane) == CLIPPED:
                 triangle = triangles[listed[k + lane]]
                 _draw_clipped(
-                    screen, triangle, camera, near, first, last, view, margin, push, disparity, winner
+                    screen, triangle, camera, near, first, last, view, margin_, push_, disparity, winner
                 )
             else:
                 draw_triangle(

@@ -60,7 +60,7 @@ def standing_hit(
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _standing_along(
     function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, near: float,
-    owners: I64, table: F64, codes: I64, slack: float,
+    owners: I64, table: F64, codes: I64, slack: Slack,
 ) -> tuple[float, float, float, int, int, float, int]:  # fmt: skip
     """`standing_hit` along a single ray."""
     px, py, pz = unproject_point(camera, u, v, 1.0)
