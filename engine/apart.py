@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import pickle
 import signal
@@ -22,16 +21,15 @@ import numpy as np
 from .camera import Camera
 from .frame import Frame, Lent, View
 from .frame_buffers import lay_out, open_memory
+from .interpreter import SETTLES_AFTER, SWITCH_S, set_aside
 from .newest import Newest
 from .stereo import StereoView
-from .threads import SWITCH_S
 
 __all__ = ["Apart", "CoreLostError"]
 
 _START = "from farside.engine.apart import serve; serve()"
 _END_S = 10.0  # then a process that was told to end is killed
 _PACKET = 1 << 16  # bytes; settings are less
-_FREEZE_AFTER = (1, 2, 4, 8, 16)  # frames: by then every kernel has been loaded
 
 
 class CoreLostError(RuntimeError):
@@ -223,9 +221,8 @@ def _update(
     frame = what if isinstance(what, Frame) else there.frame(number, *what)
     report = there.core.update(frame, Newest(look), speeds)
     there.updates += 1
-    if there.updates in _FREEZE_AFTER:
-        gc.collect()
-        gc.freeze()  # a full collection would look through all that start-up made, with everything else at a stop
+    if there.updates in SETTLES_AFTER:
+        set_aside()
     return report
 
 

@@ -15,9 +15,7 @@ from pathlib import Path
 
 import numba
 
-__all__ = ["SWITCH_S", "give_way", "require_tbb", "set_thread_count", "thread_count"]
-
-SWITCH_S = 0.0003  # how long a thread may keep the interpreter while another wants it; Python's default is 5 ms
+__all__ = ["give_way", "require_tbb", "set_thread_count", "thread_count"]
 
 
 def _load_tbb() -> None:

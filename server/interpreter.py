@@ -8,25 +8,21 @@ import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
-from farside.engine.threads import SWITCH_S
+from farside.engine.interpreter import SETTLES_AFTER, SWITCH_S, set_aside
 
 __all__ = ["responsive"]
-
-_FREEZE_AFTER = (1, 2, 4, 8, 16)  # frames: by then every kernel has been loaded
 
 
 @asynccontextmanager
 async def responsive(frames: Callable[[], int]) -> AsyncIterator[None]:
     """Short turns at the interpreter, and a garbage collector that does not look through what start-up made.
 
-    A full collection looks at every object of the modules, and of kernels where they are in this process, tens of
-    milliseconds with everything else at a stop. At once and after a few `frames` these objects are set aside; then a
-    collection takes less than one.
+    At once and after a few `frames`, as kernels may be in this process, what there is is set aside; then a collection
+    takes less than a millisecond.
     """
     before = sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_S)
-    gc.collect()
-    gc.freeze()
+    set_aside()
     freezing = asyncio.create_task(_set_aside(frames))
     try:
         yield
@@ -38,8 +34,7 @@ async def responsive(frames: Callable[[], int]) -> AsyncIterator[None]:
 
 
 async def _set_aside(frames: Callable[[], int]) -> None:
-    for number in _FREEZE_AFTER:
+    for number in SETTLES_AFTER:
         while frames() < number:
             await asyncio.sleep(0.5)
-        gc.collect()
-        gc.freeze()
+        set_aside()

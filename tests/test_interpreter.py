@@ -11,7 +11,7 @@ from farside.server.interpreter import responsive
 
 
 def test_turns_are_short_and_objects_of_the_start_are_set_aside_when_frames_have_come(monkeypatch) -> None:
-    monkeypatch.setattr(interpreter, "_FREEZE_AFTER", (1, 3))
+    monkeypatch.setattr(interpreter, "SETTLES_AFTER", (1, 3))
     frames, freezes, freeze = [0], [0], gc.freeze
     before = sys.getswitchinterval()
 
