@@ -315,11 +315,13 @@ class Engine:
                 canvas.clear()
                 shrink = front.scene.disparity_shrink(camera)
                 report.warped = self._draw_views(canvas, views, target, near, front.settings, shrink)
-                report.holes_warped = report.holes_backdrop = canvas.holes().fraction
+                holes = canvas.holes()
+                report.holes_warped = report.holes_backdrop = holes.fraction
             with timed(report.stages, "backdrop"):
                 if backdrop is not None:
                     report.warped += self._draw_backdrop(canvas, backdrop, front, chosen, target)
-                    report.holes_backdrop = canvas.holes().fraction
+                    holes = canvas.holes()
+                    report.holes_backdrop = holes.fraction
                     views += [backdrop, *front.views]
             with timed(report.stages, "shade"):
                 fills = front.settings.fill != "none" and report.holes_backdrop < 1
@@ -337,7 +339,7 @@ class Engine:
                 if fills and report.holes_backdrop > 0:
                     rise = self._rise(camera, [front.views[k] for k in chosen], report.holes_backdrop)
                     structured = front.settings.fill == "structure"
-                    places = fill(canvas.disparity, canvas.planes, rise, canvas.holes(), structured=structured)
+                    places = fill(canvas.disparity, canvas.planes, rise, holes, structured=structured)
                     if viewer is not None and front.settings.settles:
                         # Both eyes of a viewer have their own picture.
                         of = f"{viewer} {camera.name}"
