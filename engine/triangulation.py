@@ -57,7 +57,7 @@ def depth_cuts(
     keep: npt.NDArray[np.uint8] | None = None,
 ) -> npt.NDArray[np.uint8]:
     """Flags [h, w] of a view's pixels: where its surface is cut at depth edges, see `kernels.cuts`."""
-    return _cuts(camera, codes, options, keep, np.ones_like(_Blocks(camera).states))
+    return _cuts(camera, codes, options, keep, np.ones(_block_grid(camera), np.uint8))
 
 
 def triangulate(
@@ -163,12 +163,16 @@ class Triangulator:
         return changed
 
 
+def _block_grid(camera: Camera) -> tuple[int, int]:
+    """Rows and columns of a view's blocks."""
+    return math.ceil((camera.height - 1) / _BLOCK), math.ceil((camera.width - (not _wraps(camera))) / _BLOCK)
+
+
 class _Blocks:
     """Splits [rows, columns, WORDS] of a view's blocks and what is known of their pixels [rows, columns]."""
 
     def __init__(self, camera: Camera, like: _Blocks | None = None) -> None:
-        rows = math.ceil((camera.height - 1) / _BLOCK)
-        columns = math.ceil((camera.width - (not _wraps(camera))) / _BLOCK)
+        rows, columns = _block_grid(camera)
         self.splits = np.empty((rows, columns, split_kernels.WORDS), np.int64)
         self.states = np.empty((rows, columns), np.uint8)
         if like is not None:
