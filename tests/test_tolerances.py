@@ -20,8 +20,7 @@ SETTINGS = Settings.preset("fast")
 
 @pytest.fixture(scope="module")
 def rows():
-    *_, (_, _, found) = sweep(make_twin("street", 0.06), Settings.preset("balanced"), (0, 1, 8, 16, 24))
-    return found
+    return sweep(make_twin("street", 0.06), Settings.preset("balanced"), (0, 1, 8, 16, 24))
 
 
 @pytest.mark.parametrize(("width", "pixels"), [(24, 2.0), (128, None), (768, 4.0)])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
-from farside.engine.bench.tolerances import SCENES, Row, summarise, sweep
+from farside.engine.bench.tolerances import FRAMES, SCENES, Row, summarise, sweep
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin
 from rich.console import Console
@@ -24,10 +25,8 @@ def show_tolerances(twins: str | None, scale: float, quality: str, report: Path 
     for name in SCENES if twins is None else twins.split(","):
         twin = make_twin(name, scale)
         with Progress(console=Console(stderr=True)) as bar:
-            task = bar.add_task(name)
-            for played, total, found in sweep(twin, Settings.preset(quality)):
-                bar.update(task, completed=played, total=total)
-                rows[name] = found
+            task = bar.add_task(name, total=len(FRAMES))
+            rows[name] = sweep(twin, Settings.preset(quality), FRAMES, partial(bar.advance, task))
         Console(width=140).print(_sweeps(rows[name], f"{name} at scale {scale:g}, quality {quality}"))
     Console(width=140).print(_summary(rows))
     if report is not None:

@@ -7,7 +7,7 @@ views, so that much of a picture is what the model remembers.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -94,8 +94,10 @@ def automatic_choices(frames: Sequence[Frame], settings: Settings) -> list[Choic
     ]
 
 
-def sweep(twin: Twin, settings: Settings, frames: Sequence[int] = FRAMES) -> Iterator[tuple[int, int, list[Row]]]:
-    """Plays a twin with every value of every tolerance; yields frames played, frames in all, at the end the rows."""
+def sweep(
+    twin: Twin, settings: Settings, frames: Sequence[int] = FRAMES, advance: Callable[[], None] = lambda: None
+) -> list[Row]:
+    """Plays a twin with every value of every tolerance; calls `advance` after each frame."""
     settings = replace(settings, n_render=_VIEWS, n_update=max(1, len(twin.sources) // 4))
     variants = list(_variants(automatic_choices([twin_frame(twin, index) for index in frames[:2]], settings)))
     engines = {"": _engine(twin, settings)}
@@ -112,12 +114,11 @@ def sweep(twin: Twin, settings: Settings, frames: Sequence[int] = FRAMES) -> Ite
         for camera in cameras if sampled else ():
             for name, figures in _judge(engines, camera, twin.truth(camera, index), still[camera]).items():
                 found[name].append(figures)
-        yield played + 1, len(frames), []
+        advance()
     outcomes = {name: Outcome(*(float(v) for v in np.nanmean(figures, axis=0))) for name, figures in found.items()}
     for engine in engines.values():
         engine.close()
-    rows = [Row(c, label, values, outcomes["" if label == "1" else c.name + label]) for c, label, values in variants]
-    yield len(frames), len(frames), rows
+    return [Row(c, label, values, outcomes["" if label == "1" else c.name + label]) for c, label, values in variants]
 
 
 def summarise(rows: Sequence[Row]) -> list[tuple[Row, Row, float]]:
