@@ -75,24 +75,21 @@ def _spheres() -> list[Case]:
     ]
 
 
+def _odd(p: Perspective, cy: float, flatter: float) -> dict[str, Perspective]:
+    """A projection's odd relatives: one with the principal point at (-9, cy), one with pixels that are not square."""
+    return {
+        "mirrored": dataclasses.replace(p, fx=-p.fx),
+        "upside down and mirrored": dataclasses.replace(p, fy=-p.fy),
+        "turned by 180 degrees": dataclasses.replace(p, fx=-p.fx, fy=-p.fy),
+        "principal point outside": dataclasses.replace(p, cx=-9.0, cy=cy),
+        f"pixels 1 : {2.0 * flatter:g}": dataclasses.replace(p, fx=2.0 * p.fx, fy=p.fy / flatter),
+    }
+
+
 def _odd_projections() -> list[Case]:
-    f, s = _FLAT, _SOURCE
-    assert isinstance(s, Perspective)
-    viewers = {
-        "mirrored": dataclasses.replace(f, fx=-f.fx),
-        "upside down and mirrored": dataclasses.replace(f, fy=-f.fy),
-        "turned by 180 degrees": dataclasses.replace(f, fx=-f.fx, fy=-f.fy),
-        "principal point outside": dataclasses.replace(f, cx=-9.0, cy=66.0),
-        "pixels 1 : 6": dataclasses.replace(f, fx=2.0 * f.fx, fy=f.fy / 3.0),
-    }
-    sources = {
-        "mirrored": dataclasses.replace(s, fx=-s.fx),
-        "upside down and mirrored": dataclasses.replace(s, fy=-s.fy),
-        "turned by 180 degrees": dataclasses.replace(s, fx=-s.fx, fy=-s.fy),
-        "principal point outside": dataclasses.replace(s, cx=-9.0, cy=120.0),
-        "pixels 1 : 4": dataclasses.replace(s, fx=2.0 * s.fx, fy=s.fy / 2.0),
-    }
-    there = _target(dataclasses.replace(f, cx=-9.0, cy=66.0))
+    assert isinstance(_SOURCE, Perspective)
+    viewers, sources = _odd(_FLAT, 66.0, 3.0), _odd(_SOURCE, 120.0, 2.0)
+    there = _target(viewers["principal point outside"])
     return [
         *(Case("viewer", name, partial(_truth, _target(p))) for name, p in viewers.items()),
         *(
