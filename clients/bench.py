@@ -62,7 +62,9 @@ def command(
     ] = None,
     every: Annotated[
         int | None,
-        typer.Option(help="Every so many frames (--trade 4, --fill 5, --model, --backdrop 12, --accuracy 15).", min=1),
+        typer.Option(
+            min=1, help="Every so many frames (--trade, --targets 4, --fill 5, --model, --backdrop 12, --accuracy 15)."
+        ),
     ] = None,
     pairs: Annotated[
         str | None, typer.Option(metavar="NAME", help="Stereo pairs a second of a twin while the model is updated.")
@@ -113,7 +115,7 @@ def command(
         int | None,
         typer.Option(
             min=1,
-            help="Frames at most (--stages 8, --trade 12, --accuracy, --fill 16, --spared 30, --targets 48, "
+            help="Frames at most (--stages 8, --trade 12, --accuracy, --fill 16, --spared, --targets 30, "
             "--flicker 60, or 100).",
         ),
     ] = None,
@@ -209,7 +211,7 @@ def command(
     if targets is not None:
         from .benchmarks.targets import show_targets
 
-        show_targets(targets, scale, frames or 48)
+        show_targets(targets, scale, frames or 30, every or 4)
     if scaling is not None:
         from .benchmarks.targets import show_scaling
 

@@ -41,7 +41,7 @@ def test_five_views_with_the_model_leave_no_more_holes_than_all() -> None:
 
 
 def test_all_rows_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    show_targets("museum", 0.05, frames=4, repeats=1)
+    show_targets("museum", 0.05, frames=4, every=2, repeats=1)
     printed = capsys.readouterr().out
     for what in ("one eye", "S-PBS init", "median", "p99", "stereo pair 2 x 64x72", "times faster", "loss of"):
         assert what in printed

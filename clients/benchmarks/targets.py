@@ -25,9 +25,9 @@ __all__ = ["show_scaling", "show_targets"]
 _EYE = (1280, 1440)
 
 
-def show_targets(name: str, scale: float, frames: int, repeats: int = 15) -> None:
-    """Print each figure beside what is wanted as soon as it is measured; twins of scale 1 are as large as the paper's
-    sequences."""
+def show_targets(name: str, scale: float, frames: int, every: int, repeats: int = 15) -> None:
+    """Print each figure beside what is wanted as soon as it is measured, after `frames` frames of a twin, each `every`
+    after the last one: people have to move on. Twins of scale 1 are as large as the paper's sequences."""
     with Progress(console=Console(stderr=True)) as bar:
 
         def steps(description: str, total: int | None) -> Callable[[], None]:
@@ -35,29 +35,30 @@ def show_targets(name: str, scale: float, frames: int, repeats: int = 15) -> Non
             return lambda: bar.advance(task)
 
         _warm_up(name, steps("compiling", 1))
-        print(f"{name} at scale {scale:g}, frame {frames - 1}", flush=True)
-        for row in _all_targets(name, scale, frames, repeats, steps):
+        played = range(0, frames * every, every)
+        print(f"{name} at scale {scale:g}, frame {played[-1]}", flush=True)
+        for row in _all_targets(name, scale, played, repeats, steps):
             print(_line(row), flush=True)
 
 
 def _all_targets(
-    name: str, scale: float, frames: int, repeats: int, steps: Callable[[str, int | None], Callable[[], None]]
+    name: str, scale: float, frames: range, repeats: int, steps: Callable[[str, int | None], Callable[[], None]]
 ) -> Iterator[Target]:
     yield from one_eye_targets(make_twin(name, 0.5 * scale), repeats, steps("one eye", 4 * repeats + 4))
     twin = make_twin(name, scale)
     engines = {quality: Engine(twin.sources, Settings.preset(quality)) for quality in ("fast", "balanced")}
-    yield from update_targets(twin, engines, frames, 3, steps("playing frames", frames))
+    yield from update_targets(twin, engines, frames, 3, steps("playing frames", len(frames)))
     size = (max(2, round(_EYE[0] * scale)), max(2, round(_EYE[1] * scale)))
-    yield from pair_targets(twin_frame(twin, frames - 1), engines, size, repeats, steps("stereo pairs", repeats))
+    yield from pair_targets(twin_frame(twin, frames[-1]), engines, size, repeats, steps("stereo pairs", repeats))
     engines.clear()  # their models need not lie beside the largest meshes
-    yield from loss_targets(twin, frames - 1, steps("loss", None))
+    yield from loss_targets(twin, frames[-1], steps("loss", None))
 
 
 def _warm_up(name: str, advance: Callable[[], None]) -> None:
     """Compile everything on a tiny twin, so that the first figures do not hold it."""
     tiny = make_twin(name, 0.05)
     engines = {quality: Engine(tiny.sources, Settings.preset(quality)) for quality in ("fast", "balanced")}
-    list(update_targets(tiny, engines, 4, 1, lambda: None))
+    list(update_targets(tiny, engines, range(4), 1, lambda: None))
     list(pair_targets(twin_frame(tiny, 3), engines, (64, 72), 1, lambda: None))
     advance()
 

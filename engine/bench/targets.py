@@ -113,21 +113,21 @@ def _triangulate_anew(frame: Frame, names: Sequence[str], settings: Settings) ->
 
 
 def update_targets(
-    twin: Twin, engines: Mapping[str, Engine], frames: int, repeats: int, advance: Advance
+    twin: Twin, engines: Mapping[str, Engine], frames: Sequence[int], repeats: int, advance: Advance
 ) -> Iterator[Target]:
-    """The S-PBS from a twin's first frame, then engines that play `frames` of it, nobody watching: what `balanced`, one
-    of them, takes."""
-    first, balanced = twin_frame(twin, 0), engines["balanced"]
+    """The S-PBS from the first of some of a twin's frames, then engines that play all of them, nobody watching: what
+    `balanced`, one of the engines, takes."""
+    first, balanced = twin_frame(twin, frames[0]), engines["balanced"]
     n_init, n_update = balanced.settings.n_init, balanced.settings.n_update
     initial = [
         Engine(balanced.cameras, balanced.settings).update(first).stages["background"] for _ in range(repeats)
     ]
     yield Target(f"S-PBS initialisation, n_init = {n_init}", float(np.median(initial)), "ms", 1270.0)
     background, exposure = [], []
-    for index in range(frames):
-        frame = first if index == 0 else twin_frame(twin, index)
+    for number, index in enumerate(frames):
+        frame = first if number == 0 else twin_frame(twin, index)
         stages = {quality: engine.update(frame).stages for quality, engine in engines.items()}["balanced"]
-        if index > 1:  # the second may compile
+        if number > 1:  # the second may compile
             background.append(stages["background"])
             exposure.append(stages["exposure"])
         advance()
