@@ -93,16 +93,27 @@ def test_normal_equations_are_those_of_the_readable_twin():
         np.testing.assert_allclose(evidence[p], expected[1], rtol=1e-6)
 
 
-def test_tones_are_those_of_the_dense_system():
+@pytest.mark.parametrize("count", [4, 80])
+def test_tones_are_those_of_the_dense_system(count):
     rng = np.random.default_rng(5)
-    nodes = np.array([(0, 1), (1, 2), (2, 0), (3, 1), (0, 4), (3, 4)])  # the last node is the model, no unknown
+    ring = [(k, (k + 1) % count) for k in range(count)]
+    nodes = np.array([*ring, (3, 1), (0, count), (3, count)])  # the last node is the model, no unknown
     roots = rng.normal(size=(len(nodes), 3, 3, 3))
     information, evidence = roots @ roots.transpose(0, 1, 3, 2), rng.normal(size=(len(nodes), 3, 3))
-    weights, expected = rng.uniform(0.1, 1.0, len(nodes)), rng.normal(size=(4, 3, 3))
+    weights, expected = rng.uniform(0.1, 1.0, len(nodes)), rng.normal(size=(count, 3, 3))
     precision = np.array([25.0, 0.1, 9.0])
     off = expected.copy()
     solve_tones(information, evidence, nodes, weights, precision, off)
-    np.testing.assert_allclose(off, solve(information, evidence, nodes, weights, precision, expected), rtol=1e-9)
+    dense = solve(information, evidence, nodes, weights, precision, expected)
+    np.testing.assert_allclose(off, dense, rtol=0.0, atol=1e-9 * np.abs(dense).max())
+
+
+def test_tones_that_agree_stay():
+    """Without evidence, and without a pair, what is expected is the solution."""
+    for nodes in (np.empty((0, 2), np.int64), np.array([[0, 1]])):
+        off, nothing = np.zeros((2, 3, 3)), np.zeros((len(nodes), 3, 3, 3))
+        solve_tones(nothing, nothing[..., 0], nodes, np.ones(len(nodes)), np.array([25.0, 0.1, 9.0]), off)
+        np.testing.assert_array_equal(off, np.zeros((2, 3, 3)))
 
 
 @pytest.mark.parametrize("size", [(6, 8), (5, 7), (1, 1)])

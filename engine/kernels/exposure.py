@@ -21,6 +21,9 @@ BLACK, GREY = 64.0, 512.0
 _DARKEST, _BRIGHTEST = 72, 920  # luma codes within which a sensor is neither blocked up nor clipped
 _REACH = 2  # pixels that a sample keeps away from depth edges, and from its picture's border
 _LEAST_SCALE = 1.0  # code values: residuals are not judged more finely
+# Conjugate gradients end where the square of what is left to explain has fallen to this share, or after so many times
+# the turns that would do without rounding.
+_SOLVED, _TURNS = 1e-24, 4
 _SCALES = 2.0  # residual, in robust standard deviations, at which a sample has lost three quarters of its weight
 
 F32 = npt.NDArray[np.float32]
@@ -162,48 +165,75 @@ def solve_tones(
     """Least squares over all pairs: how the tones off [n, 3, 3] lie off the neutral one.
 
     information, evidence, nodes [p, 2]: see `weigh_samples`; a node n or more is no unknown. weights [p]; precision
-    [3]: of gain, offset and tint about what is expected, which `off` holds at first. By Cholesky's method: the matrices
-    are positive definite, and too small for a library's threads.
+    [3]: of gain, offset and tint about what is expected, which `off` holds at first. By conjugate gradients (Hestenes
+    and Stiefel 1952), preconditioned by each tone's own block: a view has few pairs, so the work grows with the views,
+    not with their cube.
     """
     count = off.shape[0]
     for channel_ in numba.prange(3):
         channel = np.int64(channel_)
-        left, right = np.zeros((3 * count, 3 * count)), np.zeros(3 * count)
+        told, tones, blocks = information[:, channel], off[:, channel], np.zeros((count, 3, 3))
+        step, towards, pulled = np.zeros((count + 1, 3)), np.zeros((count, 3)), np.zeros((count, 3))
+        step[:count] = tones  # what is expected: of the normal equations only what pairs tell is left
+        _pull(told, nodes, weights, step, pulled)
+        rest = -pulled
         for p in range(nodes.shape[0]):
             for side in range(2):
-                row, sign = 3 * nodes[p, side], weights[p] * (1 - 2 * side)
-                if row >= 3 * count:
-                    continue
-                for i in range(3):
-                    right[row + i] += sign * evidence[p, channel, i]
-                    for other in range(2):
-                        column = 3 * nodes[p, other]
-                        if column < 3 * count:
-                            for j in range(3):
-                                left[row + i, column + j] += sign * (1 - 2 * other) * information[p, channel, i, j]
-        for k in range(3 * count):
-            left[k, k] += precision[k % 3]
-            right[k] += precision[k % 3] * off[k // 3, channel, k % 3]
-        _solve_in_place(left, right)
-        for k in range(3 * count):
-            off[k // 3, channel, k % 3] = right[k]
+                node, sign = nodes[p, side], weights[p] * (1 - 2 * side)
+                if node < count:
+                    rest[node] += sign * evidence[p, channel]
+                    blocks[node] += weights[p] * told[p]
+        for k in range(3):
+            blocks[:, k, k] += precision[k]
+        first = length = 0.0
+        for turn in range(_TURNS * 3 * count):
+            _solve_blocks(blocks, rest, towards)
+            before, length = length, (rest * towards).sum()
+            first = max(first, length)
+            if length <= _SOLVED * first:
+                break
+            for k in range(count):
+                step[k] = towards[k] + (length / before) * step[k] if turn > 0 else towards[k]
+            _pull(told, nodes, weights, step, pulled)
+            pulled += precision * step[:count]
+            share = length / (step[:count] * pulled).sum()
+            tones += share * step[:count]
+            rest -= share * pulled
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _solve_in_place(matrix: F64, vector: F64) -> None:
-    """Puts the solution of matrix [n, n], symmetric and positive definite, into vector [n]; the matrix is lost."""
-    n = len(vector)
-    for i in range(n):
-        for j in range(i + 1):
-            rest = matrix[i, j]
-            for k in range(j):
-                rest -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = rest / matrix[j, j] if j < i else math.sqrt(rest)
-        rest = vector[i]
-        for k in range(i):
-            rest -= matrix[i, k] * vector[k]
-        vector[i] = rest / matrix[i, i]
-    for i in range(n - 1, -1, -1):
-        vector[i] /= matrix[i, i]
-        for k in range(i):
-            vector[k] -= matrix[i, k] * vector[i]
+def _pull(information: F64, nodes: I64, weights: F64, tones: F64, pulled: F64) -> None:
+    """How pairs (information [p, 3, 3]) pull at tones [n + 1, 3], of which the last, that of nodes n or more, is 0."""
+    count = tones.shape[0] - 1
+    pulled[:] = 0.0
+    for p in range(nodes.shape[0]):
+        a, b = min(nodes[p, 0], count), min(nodes[p, 1], count)
+        for i in range(3):
+            total = 0.0
+            for j in range(3):
+                total += information[p, i, j] * (tones[a, j] - tones[b, j])
+            if a < count:
+                pulled[a, i] += weights[p] * total
+            if b < count:
+                pulled[b, i] -= weights[p] * total
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _solve_blocks(blocks: F64, vectors: F64, out: F64) -> None:
+    """out [n, 3]: the solutions of systems [n, 3, 3], symmetric and positive definite, by Cholesky's method."""
+    factor = np.empty((3, 3))
+    for n in range(blocks.shape[0]):
+        for i in range(3):
+            out[n, i] = vectors[n, i]
+            for j in range(i + 1):
+                rest = blocks[n, i, j]
+                for k in range(j):
+                    rest -= factor[i, k] * factor[j, k]
+                factor[i, j] = rest / factor[j, j] if j < i else math.sqrt(rest)
+            for k in range(i):
+                out[n, i] -= factor[i, k] * out[n, k]
+            out[n, i] /= factor[i, i]
+        for i in range(2, -1, -1):
+            for k in range(i + 1, 3):
+                out[n, i] -= factor[k, i] * out[n, k]
+            out[n, i] /= factor[i, i]
