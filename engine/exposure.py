@@ -29,14 +29,15 @@ from .camera import Camera
 from .kernels.exposure import gather_samples, solve_tones, weigh_samples
 from .kernels.tone import TONE_SIZE
 from .prepared import ViewTable
-from .selection import select_views
+from .selection import likely_views, select_views
 
-__all__ = ["Exposure", "packed", "to_common", "to_picture"]
+__all__ = ["LIKELY", "Exposure", "packed", "to_common", "to_picture"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _NEIGHBOURS = 4  # views that each view is compared with
+LIKELY = 48  # views that these are chosen from
 _SAMPLES = 9000  # pixels looked at
 _LEAST, _MOST = 64, 640  # pixels looked at a pair
 _TURNS = 3  # frames in which each pair is looked at once
@@ -115,11 +116,14 @@ class Exposure:
 
     def _find_neighbours(self, cameras: Sequence[Camera]) -> None:
         """For each camera that has moved the others that see most of what it sees."""
-        for k, camera in enumerate(cameras):
-            if camera == self._cameras[k]:
-                continue
-            self._cameras[k] = camera
-            others = [i for i in range(len(cameras)) if i != k]
+        moved = [k for k, camera in enumerate(cameras) if camera != self._cameras[k]]
+        packed = np.stack([camera.packed() for camera in cameras]) if moved else np.empty((0, 0))
+        for k in moved:
+            self._cameras[k] = camera = cameras[k]
+            others = list(range(len(cameras)))
+            if len(cameras) > LIKELY + 1:
+                others = likely_views(camera, packed, LIKELY + 1, self._depths)  # it is likely itself
+            others = [i for i in others if i != k]
             if len(others) > _NEIGHBOURS:
                 chosen = select_views(camera, [cameras[i] for i in others], _NEIGHBOURS, self._depths)
                 others = [others[i] for i in chosen]

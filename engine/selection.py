@@ -12,9 +12,9 @@ import numpy.typing as npt
 from .camera import Camera
 from .kernels.project import PERSPECTIVE
 
-__all__ = ["select_views", "view_shares"]
+__all__ = ["likely_views", "select_views", "view_shares"]
 
-_GRID = 8  # sample rays across and down a picture
+_GRID, _COARSE = 8, 2  # sample rays across and down a picture, to choose by and for a first cut
 # Where cameras see less than this share of the samples, others are taken from what they see, this many about.
 _FEW, _MOST = 0.25, 512
 _ANGLE = 0.1  # radians between two cameras' rays to a point at which a view has lost half its worth
@@ -47,6 +47,18 @@ def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: 
     return chosen
 
 
+def likely_views(target: Camera, packed: FloatArray, count: int, depths: Sequence[float]) -> list[int]:
+    """Indices of `count` of many cameras (packed [n, CAMERA_SIZE]) that `select_views` may choose for `target`.
+
+    A first cut, by what the cameras are worth to a few points on the target's rays and, where that says nothing, by
+    how near they are. In order of their indices: among equals the first is chosen.
+    """
+    inside, angle = _looks(target, packed, _on_rays(target, depths, _COARSE))
+    away = np.linalg.norm(packed[:, 16:19] - target.pose.position, axis=1)
+    order = np.lexsort((away, -_worth_at(inside, angle).sum(axis=1)))
+    return sorted(order[:count].tolist())
+
+
 def view_shares(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> FloatArray:  # [cameras]
     """The cameras' shares of `target`'s picture, in sum 1, if all were blended by nearness in direction.
 
@@ -63,7 +75,10 @@ def view_shares(target: Camera, cameras: Sequence[Camera], depths: Sequence[floa
 
 def _worth(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> FloatArray:
     """Worth [cameras, samples] of cameras to points on the target's rays: 0 outside a camera's picture."""
-    inside, angle = _seen(target, tuple(cameras), tuple(depths))
+    return _worth_at(*_seen(target, tuple(cameras), tuple(depths)))
+
+
+def _worth_at(inside: npt.NDArray[np.bool_], angle: FloatArray) -> FloatArray:
     worth: FloatArray = inside / (1.0 + (angle / _ANGLE) ** 2)
     return worth
 
@@ -79,16 +94,21 @@ def _seen(
         points = np.concatenate([_on_rays(camera, depths) for camera in cameras])
         points = points[_inside(target.packed()[None], (points - target.pose.position)[None])[0]]
         points = points[:: max(1, len(points) // _MOST)]
-        inside = _inside(packed, points - packed[:, None, 16:19])
+    return _looks(target, packed, points)
+
+
+def _looks(target: Camera, packed: FloatArray, points: FloatArray) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+    """Which packed cameras see points [samples, 3], and the angle between their and the target's rays, radians."""
     to_points, from_target = points - packed[:, None, 16:19], points - np.asarray(target.pose.position)
+    inside = _inside(packed, to_points)
     lengths = np.linalg.norm(from_target, axis=-1) * np.linalg.norm(to_points, axis=-1)
     cosine = np.einsum("csk,sk->cs", to_points, from_target) / np.maximum(lengths, 1e-300)
     return inside, np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
-def _on_rays(camera: Camera, depths: Sequence[float]) -> FloatArray:  # [samples, 3]
+def _on_rays(camera: Camera, depths: Sequence[float], grid: int = _GRID) -> FloatArray:  # [samples, 3]
     """World points on a grid of a camera's rays."""
-    steps = (np.arange(_GRID) + 0.5) / _GRID
+    steps = (np.arange(grid) + 0.5) / grid
     u, v = np.meshgrid(steps * camera.width, steps * camera.height)
     uv = np.stack([u.ravel(), v.ravel()], axis=-1)
     return np.concatenate([camera.unproject(uv, np.full(len(uv), depth)) for depth in depths])
@@ -102,7 +122,7 @@ def _packed(cameras: tuple[Camera, ...]) -> FloatArray:  # [cameras, CAMERA_SIZE
 def _inside(cameras: FloatArray, to_points: FloatArray) -> npt.NDArray[np.bool_]:
     """Whether points, given relative to each packed camera [cameras, samples, 3], fall into its picture."""
     packed = cameras[:, None]
-    local = np.einsum("csk,ckl->csl", to_points, packed[:, 0, 7:16].reshape(-1, 3, 3))
+    local = to_points @ cameras[:, 7:16].reshape(-1, 3, 3)
     x, y, z = np.moveaxis(local, -1, 0)
     width, height, p3, p4, p5, p6 = np.moveaxis(packed[:, :, 1:7], -1, 0)
     flat = packed[:, :, 0] == PERSPECTIVE

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.depth import DepthCoding
-from farside.engine.selection import select_views
+from farside.engine.exposure import LIKELY
+from farside.engine.selection import likely_views, select_views
+from farside.engine.synth.rigs import twin_cameras
+from farside.engine.tmiv_json import parse_json
+from shared import SHARED
 
 CODING = DepthCoding(0.5, 20.0)
 DEPTHS = (1.5, 4.0)
@@ -74,3 +79,52 @@ def test_half_of_a_sphere_is_covered_by_the_cameras_that_look_there():
     assert set(select_views(camera(0.0, 0.0), ring, 3, DEPTHS)) <= {7, 0, 1}
     everywhere = select_views(camera(0.0, 0.0, projection=SPHERE), ring, 4, DEPTHS)
     assert max(min((a - b) % 8, (b - a) % 8) for a in everywhere for b in everywhere) >= 3  # spread round the ring
+
+
+def half_sphere(directions, radius=0.3):
+    """Cameras on a ball that look outwards, each into half of the world."""
+    half = Equirectangular(64, 64, (-math.pi / 2, math.pi / 2), (-math.pi / 2, math.pi / 2))
+    return [
+        Camera(f"v{k}", half, Pose.from_euler(radius * d, math.atan2(d[1], d[0]), -math.asin(d[2]), 0.0), CODING)
+        for k, d in enumerate(directions)
+    ]
+
+
+def spiral(count):
+    """Directions spread evenly over the sphere."""
+    z, turn = (np.arange(count) + 0.5) * 2 / count - 1, np.arange(count) * math.pi * (3 - math.sqrt(5))
+    return np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=-1)
+
+
+def crowd(count):
+    rng = np.random.default_rng(2)
+    return [camera(*rng.uniform(-0.4, 0.4, 3), yaw=rng.uniform(-math.pi, math.pi)) for _ in range(count)]
+
+
+def real_rigs():
+    for file in sorted((SHARED / "tmiv" / "sequences").glob("*.json")):
+        sequence, _problems = parse_json(file.read_text(), file.stem)
+        yield sequence.name, list(sequence.cameras.values())
+
+
+RIGS = {
+    **{name: list(twin_cameras(name).cameras) for name in ("museum", "hijack", "painter", "frog", "gymnasium-a")},
+    **dict(real_rigs()),
+    "ball": half_sphere(spiral(64)),
+    "dense ball": half_sphere(spiral(300)),
+    "wall": [camera(0.0, 0.12 * (k % 8), 0.12 * (k // 8)) for k in range(64)],
+    "arc": [camera(2 - 2 * math.cos(a), -2 * math.sin(a), yaw=a) for a in np.linspace(-1.5, 1.5, 64)],
+    "crowd": crowd(64),
+}
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_a_first_cut_leaves_the_choice_as_it_is(rig):
+    cameras = RIGS[rig]
+    packed = np.stack([one.packed() for one in cameras])
+    for k, target in list(enumerate(cameras))[:64]:
+        likely = likely_views(target, packed, LIKELY + 1, DEPTHS)
+        assert len(likely) == min(LIKELY + 1, len(cameras))
+        others = ([i for i in some if i != k] for some in (range(len(cameras)), likely))
+        every, cut = ([some[i] for i in select_views(target, [cameras[j] for j in some], 4, DEPTHS)] for some in others)
+        assert every == cut
