@@ -148,8 +148,20 @@ def _rigs() -> list[Case]:
         Case("cameras", "two at one place", partial(_truth, _target(), twice)),
         Case("cameras", "all at one place", partial(_truth, dataclasses.replace(heap[0], name="target"), heap)),
         Case("cameras", "one", partial(_truth, dataclasses.replace(cameras[1], name="target"), cameras[1:2])),
+        Case("cameras", "1000", partial(_truth, _target(Perspective.from_fov(80, 60, 0.9)), _crowd(1000))),
         Case("rig", "JSON of a thousand cameras", _described),
         *_orientations(),
+    ]
+
+
+def _crowd(count: int) -> list[Camera]:
+    """So many small cameras in a cube, which look more or less ahead: what the viewer sees is within all pictures."""
+    rng, projection = np.random.default_rng(6), Perspective.from_fov(64, 48, math.radians(90))
+    places = rng.uniform(-0.1, 0.1, (count, 3)).tolist()
+    angles = rng.uniform(-6.0, 6.0, (count, 3)).tolist()
+    return [
+        Camera(f"v{i}", projection, turned((x, y, z), *turn), CODING)
+        for i, ((x, y, z), turn) in enumerate(zip(places, angles, strict=True))
     ]
 
 
