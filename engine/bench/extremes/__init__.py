@@ -7,6 +7,7 @@ from .case import Case, Row, run
 from .depths import depth_cases
 from .growth import growth_cases, repeated_cases
 from .moved import moved_cases
+from .rates import rate_cases
 from .rays import ray_cases
 
 __all__ = ["Case", "Row", "all_cases", "growth_cases", "run"]
@@ -14,4 +15,5 @@ __all__ = ["Case", "Row", "all_cases", "growth_cases", "run"]
 
 def all_cases() -> list[Case]:
     """Every case, in the order of the table."""
-    return [*moved_cases(), *depth_cases(), *camera_cases(), *ray_cases(), *growth_cases(300), *repeated_cases()]
+    pictures = [*moved_cases(), *depth_cases(), *camera_cases()]
+    return [*pictures, *ray_cases(), *growth_cases(300), *rate_cases(), *repeated_cases()]
