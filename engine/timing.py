@@ -54,8 +54,8 @@ class Longest:
         self._by_second.append((second, milliseconds))
 
     def over(self, seconds: float = math.inf) -> float:
-        """The longest that ended in so many seconds before now (counted in whole ones); 0 where nothing did."""
-        first = time.monotonic() - seconds
+        """The longest that ended in so many seconds before now, or less than one before these; 0 where nothing did."""
+        first = max(time.monotonic() - seconds, 0.0) // 1.0
         return max((longest for second, longest in self._by_second if second >= first), default=0.0)
 
 

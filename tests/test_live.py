@@ -499,6 +499,10 @@ def test_the_longest_is_that_of_the_seconds_asked_for(monkeypatch: pytest.Monkey
     for now, milliseconds in ((100.0, 50.0), (101.5, 3.0), (101.9, 2.0), (103.0, 7.0)):  # noqa: B007 (it is the clock)
         longest.add(milliseconds)
     assert [longest.over(seconds) for seconds in (0, 1, 2, 3)] == [7, 7, 7, 50]
+    now = 103.9
+    assert [longest.over(seconds) for seconds in (0, 0.5, 1.5, 2.5)] == [7, 7, 7, 7]
+    now = 104.4
+    assert [longest.over(seconds) for seconds in (0.3, 0.5, 1.5, 3.5)] == [0, 7, 7, 50]
     now = 104.0
     longest.add(1.0)
     assert longest.over() == 7  # three seconds are kept

@@ -173,6 +173,7 @@ def measure_live(
         replay.wait(_HANG_S)
         while _status(url)["updating"]:
             time.sleep(0.2)
+        time.sleep(1.0)  # the longest are kept by the second
         still = _measure(url, seconds / 2, size, server, None)
     return playing, still
 
@@ -251,7 +252,7 @@ def _measure(
         headset = asyncio.run(_watch(url, seconds, size))
         elapsed = time.monotonic() - start
         idle_stalls = json.loads(idle.communicate(timeout=_HANG_S)[0])
-    status, now = _status(url, elapsed), Usage.of(*processes)
+    status, now = _status(url, time.monotonic() - start), Usage.of(*processes)
     if not headset.frames:
         raise RuntimeError("live: the headset received no picture")
     looping = status["event_loop"]["loop_busy_s"] - before["event_loop"]["loop_busy_s"]
