@@ -9,7 +9,7 @@ from farside.engine.background.tolerances import Tolerances
 from farside.engine.camera import Camera, Perspective, Pose
 from farside.engine.depth import DepthCoding
 from farside.engine.frame import View
-from farside.engine.kernels.maximum_depth import COLOUR_FRAMES, DEPTH_FRAMES, PHASES, TILE
+from farside.engine.kernels.maximum_depth import COLOUR_FRAMES, DEPTH_FRAMES, PHASES, TILE, farther_than
 from farside.engine.triangulation import TriangulationOptions, triangulate
 from oracle.maximum_depth import settle, update
 from rooms import BOX_X, BOX_Y, CODING, WALL_X, WALL_Y, camera_row, see, texture_of
@@ -42,6 +42,25 @@ def test_updates_are_those_of_the_slow_twin(size, has_invalid, bits):
         np.testing.assert_array_equal(image.texture.y, luma)
         np.testing.assert_array_equal(image.updated != 0, updated)
         image.updated[:] = image.provisional[:] = 0  # colours that are taken later have their own tests
+
+
+@pytest.mark.parametrize("has_invalid", [True, False])
+@pytest.mark.parametrize("far", [20.0, 1000.0])
+@pytest.mark.parametrize(("margin_m", "noise"), [(0.0, 0.0), (0.002, 0.0), (0.002, 1e-3), (0.5, 0.0)])
+def test_the_least_that_is_farther_than_any_code_is_found(has_invalid, far, margin_m, noise):
+    coding, tolerances = DepthCoding(0.5, far, 16, has_invalid), Tolerances(0.1, margin_m, noise)
+    each = np.arange(1 << 16).reshape(-1, 32)
+    camera = Camera("c", Perspective.from_fov(32 * TILE, 2 * len(each), 1.0), Pose(), coding)
+    codes = np.kron(each, np.ones((2, TILE))).astype(np.uint16)  # one in all pixels that are compared at once
+    view = View(camera, texture_of(np.full(codes.shape, 500)), codes)
+    margins = coding.offset, coding.step, has_invalid, margin_m, tolerances.margin_disparity(coding)
+    limits = np.array([[farther_than(code, *margins) for code in row] for row in each])
+    farthest = np.ceil(limits).clip(has_invalid, 1 << 16) - 1  # an invalid one where nothing is farther
+    image = MaximumDepthImage(view, tolerances, edge=1e9)
+    for more, found in ((1, 0), (0, np.count_nonzero(farthest >= has_invalid))):
+        new = codes.copy()
+        new[1::2, 37::TILE] = np.where(np.isinf(limits), 65535 if found else 0, (farthest + more).clip(0, 65535))
+        assert image.update(dataclasses.replace(view, codes=new)) == found
 
 
 @pytest.mark.parametrize("size", [(150, 70), (33, 7)])

@@ -50,8 +50,7 @@ class MaximumDepthImage:
         self.kept = np.zeros(self.codes.shape, np.uint8)
         self.provisional = np.zeros(self.codes.shape, np.uint8)
         self.fused = np.ones(self.codes.shape, np.uint8)
-        self._by_code = np.empty(1 << 16, np.uint16)
-        self._limits = np.empty(self.codes.shape, np.uint16)  # below which a new code is farther; kept up to date
+        self._by_code = np.empty(1 << 16, np.uint16)  # below which a new code is farther
         self._edge = edge
         self._number = 0  # of the last view taken
         self._turn = 0  # of the last one that was looked at whole
@@ -64,7 +63,7 @@ class MaximumDepthImage:
     def compare_by(self, tolerances: Tolerances) -> None:
         """Sets what a nontrivial amount is."""
         self._rules = _rules(self.camera, tolerances, self._edge)
-        prepare_maximum_depth(self.codes, self._rules, self._by_code, self._limits, self.provisional)
+        prepare_maximum_depth(self.codes, self._rules, self._by_code, self.provisional)
 
     def update(self, view: View, tone: npt.ArrayLike = IDENTITY, *, whole: bool = True) -> int:
         """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels.
@@ -77,7 +76,7 @@ class MaximumDepthImage:
         before, counts = self._counts[self._number % 2], self._counts[1 - self._number % 2]
         update_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self._limits, self.updated, self.provisional, self.fused, self._by_code, before, counts, self._rules,
+            self.updated, self.provisional, self.fused, self._by_code, before, counts, self._rules,
             np.asarray(tone), self._number, self._turn if whole else -1,
         )  # fmt: skip
         self.pending |= counts > 0
@@ -87,15 +86,14 @@ class MaximumDepthImage:
         """Takes the mean with the view that `update` took, where both show the same; other rows in each of PHASES."""
         fuse_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self._limits, self.provisional, self.fused, self._by_code, self._rules, np.asarray(tone),
-            self._number,
+            self.provisional, self.fused, self._by_code, self._rules, np.asarray(tone), self._number,
         )  # fmt: skip
 
     @property
     def memory(self) -> int:
         """Bytes of its arrays of pixels."""
         flags = (self.updated, self.kept, self.provisional, self.fused)
-        codes = (self.codes, self._limits, *_planes(self.texture))
+        codes = (self.codes, *_planes(self.texture))
         return sum(array.nbytes for array in flags) + sum(array.nbytes for array in codes)
 
     @property
@@ -117,12 +115,12 @@ class MaximumDepthImage:
         return [*addresses, self.camera.width, self.camera.height, int(wraps), int(self._rules[5])]
 
 
-def _rules(camera: Camera, tolerances: Tolerances, edge: float) -> npt.NDArray[np.float64]:  # [6]
-    """What `kernels.maximum_depth` compares by."""
+def _rules(camera: Camera, tolerances: Tolerances, edge: float) -> npt.NDArray[np.float64]:  # [9]
+    """What `kernels.maximum_depth` compares by; it adds the last three."""
     coding = camera.depth
     edge_codes = min(round(edge / coding.step), coding.max_code)
     margins = tolerances.margin_m, tolerances.margin_disparity(coding)
-    return np.array([coding.offset, coding.step, float(coding.has_invalid), *margins, edge_codes])
+    return np.array([coding.offset, coding.step, float(coding.has_invalid), *margins, edge_codes, 0.0, 0.0, 0.0])
 
 
 def _planes(texture: Texture) -> tuple[npt.NDArray[np.uint16], ...]:

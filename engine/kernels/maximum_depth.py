@@ -40,6 +40,7 @@ U16 = npt.NDArray[np.uint16]
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
+Margins = tuple[np.uint16, np.uint16, np.uint16, np.uint16]  # smallest valid code, and what margins are at least
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -67,25 +68,41 @@ def _beside_nearer(codes: U16, row: int, x: int, edge: int) -> bool:
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _limit(code: int, rules: F64) -> int:
-    """A code's row in `limits`: new - lowest < limit, in wrapping 16-bit arithmetic, says "valid and farther"."""
+    """A code's row in `by_code`: new - lowest < limit, in wrapping 16-bit arithmetic, says "valid and farther"."""
     limit = farther_than(code, rules[0], rules[1], rules[2] > 0.0, rules[3], rules[4]) - rules[2]
     return math.ceil(min(max(limit, 0.0), 65535.0))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def prepare_maximum_depth(codes: U16, rules: F64, by_code: U16, limits: U16, provisional: U8) -> None:
-    """Fills by_code [65536], every code's limit, and limits and provisional [h, w] of a first view.
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _prepare_limits(rules: F64, by_code: U16) -> None:
+    """Fills by_code [65536], every code's limit, and the last three of rules [9]: see `prepare_maximum_depth`."""
+    lowest, least = int(rules[2]), 65535
+    for code in range(65536):
+        by_code[code] = _limit(code, rules)
+        if code >= lowest and by_code[code] > 0:
+            least = min(least, code - lowest - by_code[code] + 1)
+    # The tangent where the margin in metres, a square of the disparity, is four times the least.
+    slope = 4.0 * math.sqrt(rules[3] * rules[1] * least)
+    shift, bend = round(-math.log2(min(max(slope, 2.0**-15), 1.0))), 0
+    for code in range(lowest, 65536):
+        if by_code[code] > 0:
+            more = code - lowest - by_code[code] + 1 - least
+            bend = max(bend, code - lowest - (((more + 1) << shift) - 1))
+    rules[6], rules[7], rules[8] = least, bend, shift
 
-    Provisional is 1 where a colour may be mixed with something nearer's. rules: offset, step, smallest valid code
-    (0 or 1), margins in metres and 1/m, depth edge in codes.
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def prepare_maximum_depth(codes: U16, rules: F64, by_code: U16, provisional: U8) -> None:
+    """Fills by_code [65536], every code's limit, provisional [h, w] of a first view, and the last three of rules.
+
+    Provisional is 1 where a colour may be mixed with something nearer's. rules [9]: offset, step, smallest valid code
+    (0 or 1), margins in metres and 1/m, depth edge in codes; then least, bend, shift: what is farther than a code, less
+    the smallest valid one, differs from it by least + (max(code - bend, 0) >> shift) codes or more.
     """
     h, w = codes.shape
-    for code in numba.prange(65536):
-        by_code[code] = _limit(code, rules)
+    _prepare_limits(rules, by_code)
     for row in numba.prange(h):
         y = int(np.int64(row))
-        for x in range(w):
-            limits[y, x] = by_code[codes[y, x]]
         nearest = np.empty(w, np.uint16)  # of a pixel, the one above and the one below
         above, below = codes[max(y - 1, 0)], codes[min(y + 1, h - 1)]
         for x in range(w):
@@ -99,12 +116,17 @@ def prepare_maximum_depth(codes: U16, rules: F64, by_code: U16, limits: U16, pro
 
 
 @numba.njit(inline="always", cache=True)
-def _any_farther(new: U16, limits: U16, lowest: int) -> bool:
-    """Over TILE pixels of a row; without branches and in 16 bits, so that it is vectorised."""
-    found = np.uint16(0)
-    for x in range(TILE):
-        found = np.uint16(found | np.uint16(np.uint16(new[x] - lowest) < limits[x]))
-    return found != 0
+def _perhaps_farther(new: np.uint16, code: np.uint16, margins: Margins) -> np.uint16:
+    """0 where a new code is not farther than another, by what margins are at least (see `prepare_maximum_depth`).
+
+    Without a table and in 16 bits, so that it is vectorised. Invalid codes wrap to the largest: as a new one that is
+    never farther; where nothing was seen before anything is.
+    """
+    lowest, least, bend, shift = margins
+    shifted, known = np.uint16(new - lowest), np.uint16(code - lowest)
+    margin = np.uint16(np.uint16(np.uint16(max(known, bend) - bend) >> (shift & 15)) + least)
+    nearest = np.uint16(min(shifted, np.uint16(~margin)) + margin)  # saturates
+    return np.uint16((nearest <= known) & (shifted != np.uint16(65535)))
 
 
 @numba.njit(inline="always", cache=True)
@@ -116,11 +138,22 @@ def _any_set(flags: U8, bits: int) -> bool:
 
 
 @numba.njit(inline="always", cache=True)
-def _pair_farther(pair: int, x: int, new_codes: U16, limits: U16, lowest: int) -> bool:
-    """Whether anything is farther in TILE columns from x on of a pair of rows."""
-    found = False
-    for row in range(2 * pair, min(2 * pair + 2, limits.shape[0])):
-        found |= _any_farther(new_codes[row, x : x + TILE], limits[row, x : x + TILE], lowest)
+def _pair_farther(pair: int, x0: int, new: U16, codes: U16, by_code: U16, margins: Margins) -> bool:
+    """Whether anything is farther in TILE columns from x0 on of a pair of rows."""
+    top, bottom, end = 2 * pair, min(2 * pair + 1, codes.shape[0] - 1), x0 + TILE
+    new_top, new_bottom = new[top, x0:end], new[bottom, x0:end]
+    top_codes, bottom_codes = codes[top, x0:end], codes[bottom, x0:end]
+    perhaps = np.uint16(0)
+    for x in range(TILE):
+        above = _perhaps_farther(new_top[x], top_codes[x], margins)
+        below = _perhaps_farther(new_bottom[x], bottom_codes[x], margins)
+        perhaps = np.uint16(perhaps | above | below)
+    if perhaps == 0:
+        return False
+    lowest, found = margins[0], False
+    for x in range(TILE):
+        found |= np.uint16(new_top[x] - lowest) < by_code[top_codes[x]]
+        found |= np.uint16(new_bottom[x] - lowest) < by_code[bottom_codes[x]]
     return found
 
 
@@ -133,17 +166,17 @@ def _pair_set(pair: int, x: int, flags: U8, bits: int) -> bool:
 
 
 @numba.njit(inline="always", cache=True)
-def _concerned(pair: int, column: int, new: U16, limits: U16, provisional: U8, lowest: int) -> bool:
+def _concerned(pair: int, column: int, new: U16, codes: U16, provisional: U8, by_code: U16, lowest: int) -> bool:
     """Whether one of the 2x2 pixels that share one chroma sample is farther, or has a provisional colour."""
-    top, bottom = 2 * pair, min(2 * pair + 1, limits.shape[0] - 1)
-    left, right = 2 * column, min(2 * column + 1, limits.shape[1] - 1)
+    top, bottom = 2 * pair, min(2 * pair + 1, codes.shape[0] - 1)
+    left, right = 2 * column, min(2 * column + 1, codes.shape[1] - 1)
     waiting = provisional[top, left] | provisional[top, right] | provisional[bottom, left] | provisional[bottom, right]
     return (
         (waiting != 0)
-        | (np.uint16(new[top, left] - lowest) < limits[top, left])
-        | (np.uint16(new[top, right] - lowest) < limits[top, right])
-        | (np.uint16(new[bottom, left] - lowest) < limits[bottom, left])
-        | (np.uint16(new[bottom, right] - lowest) < limits[bottom, right])
+        | (np.uint16(new[top, left] - lowest) < by_code[codes[top, left]])
+        | (np.uint16(new[top, right] - lowest) < by_code[codes[top, right]])
+        | (np.uint16(new[bottom, left] - lowest) < by_code[codes[bottom, left]])
+        | (np.uint16(new[bottom, right] - lowest) < by_code[codes[bottom, right]])
     )
 
 
@@ -158,8 +191,8 @@ def _stirred(changed: I64, band: int, tile: int) -> bool:
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def update_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
-    limits: U16, updated: U8, provisional: U8, fused: U8, by_code: U16, before: I64, counts: I64, rules: F64,
-    tone: F64, number: int, turn: int,
+    updated: U8, provisional: U8, fused: U8, by_code: U16, before: I64, counts: I64, rules: F64, tone: F64,
+    number: int, turn: int,
 ) -> None:  # fmt: skip
     """Takes over depth and colour where the new view is farther by a nontrivial amount, or sees something first.
 
@@ -170,13 +203,15 @@ def update_maximum_depth(
     before, it looks at the whole block; with a `turn` of 0 or more at all of them. So nothing that stays for PHASES
     calls is missed, and what is as high as a block is found at once.
 
-    codes, y, limits, updated, provisional, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; before, counts: pixels
-    updated per block in the call before and in this one. `updated` and `fused` are set to 1 there, and `updated` is
-    never cleared. A provisional colour is replaced when the same surface is seen away from depth edges: looked at once
-    within PHASES calls; then where something has changed, and in one pair of rows a `turn`, which counts up.
+    codes, y, updated, provisional, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; before, counts: pixels updated
+    per block in the call before and in this one; by_code, rules: as `prepare_maximum_depth` leaves them. `updated` and
+    `fused` are set to 1 there, and `updated` is never cleared. A provisional colour is replaced when the same surface
+    is seen away from depth edges: looked at once within PHASES calls; then where something has changed, and in one pair
+    of rows a `turn`, which counts up.
     """
     h, w = codes.shape
     lowest, whole = np.uint16(rules[2]), turn >= 0
+    margins = lowest, np.uint16(rules[6]), np.uint16(rules[7]), np.uint16(rules[8])
     for band in numba.prange(counts.shape[0]):
         first = np.int64(band) * PHASES
         last = min(first + PHASES, (h + 1) // 2)
@@ -186,21 +221,21 @@ def update_maximum_depth(
             x0 = max(min(start, w - TILE), 0)  # the last tile overlaps the one before
             narrow = w < TILE
             stirred = narrow or _stirred(before, band, tile)
-            every = stirred or whole or _pair_farther(look, x0, new_codes, limits, lowest)
+            every = stirred or whole or _pair_farther(look, x0, new_codes, codes, by_code, margins)
             wanted = _FRESH | _TRIED if stirred else _FRESH
             if every or _pair_set(look, x0, provisional, wanted):
                 for pair in range(first if every else look, last if every else look + 1):
                     if (
                         narrow
-                        or _pair_farther(pair, x0, new_codes, limits, lowest)
+                        or _pair_farther(pair, x0, new_codes, codes, by_code, margins)
                         or (pair == look and _pair_set(pair, x0, provisional, wanted))
                         or (pair == again and _pair_set(pair, x0, provisional, _FRESH | _TRIED))
                     ):
                         for column in range(start // 2, (min(start + TILE, w) + 1) // 2):
-                            if _concerned(pair, column, new_codes, limits, provisional, lowest):
+                            if _concerned(pair, column, new_codes, codes, provisional, by_code, lowest):
                                 count += _update_quad(
-                                    pair, column, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, limits,
-                                    updated, provisional, fused, by_code, rules, tone,
+                                    pair, column, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, updated,
+                                    provisional, fused, by_code, rules, tone,
                                 )  # fmt: skip
             counts[band, tile] = count
 
@@ -208,7 +243,7 @@ def update_maximum_depth(
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _update_quad(
     pair: int, column: int, new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16,
-    cr: U16, limits: U16, updated: U8, provisional: U8, fused: U8, by_code: U16, rules: F64, tone: F64,
+    cr: U16, updated: U8, provisional: U8, fused: U8, by_code: U16, rules: F64, tone: F64,
 ) -> int:  # fmt: skip
     """The 2x2 pixels that share one chroma sample; returns how many of them were updated."""
     h, w = codes.shape
@@ -220,8 +255,8 @@ def _update_quad(
             new = int(new_codes[row, x])
             if new < lowest:
                 continue
-            if new - lowest < limits[row, x]:
-                codes[row, x], limits[row, x] = new, by_code[new]
+            if new - lowest < by_code[codes[row, x]]:
+                codes[row, x] = new
                 y[row, x] = toned_code(tone[0], new_y[row, x], tone[1])
                 updated[row, x] = fused[row, x] = 1
                 provisional[row, x] = _FRESH if _beside_nearer(new_codes, row, x, edge) else 0
@@ -259,7 +294,7 @@ def _toward(old: int, new: int, count: int, chance: float) -> int:
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def fuse_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
-    limits: U16, provisional: U8, fused: U8, by_code: U16, rules: F64, tone: F64, number: int,
+    provisional: U8, fused: U8, by_code: U16, rules: F64, tone: F64, number: int,
 ) -> None:  # fmt: skip
     """Takes the mean where the new view shows the same surface: neither is farther by a nontrivial amount.
 
@@ -279,15 +314,13 @@ def fuse_maximum_depth(
             for row in range(2 * pair, last):
                 for x in range(2 * column, min(2 * column + 2, w)):
                     new, old = np.int32(new_codes[row, x]), np.int32(codes[row, x])
-                    if new < lowest or new - lowest < limits[row, x] or old - lowest < by_code[new]:
+                    if new < lowest or new - lowest < by_code[old] or old - lowest < by_code[new]:
                         whole = False
                         continue
                     state = np.uint32(state * np.uint32(1664525) + np.uint32(1013904223))
                     chance = (state >> np.uint32(8)) * 2.0**-24
                     fused[row, x] = min(fused[row, x] + 1, DEPTH_FRAMES)
-                    code = _toward(old, new, fused[row, x], chance)
-                    codes[row, x] = code
-                    limits[row, x] = by_code[code]
+                    codes[row, x] = _toward(old, new, fused[row, x], chance)
                     if provisional[row, x] != 0 or _beside_nearer(new_codes, row, x, edge):
                         whole = False
                         continue
