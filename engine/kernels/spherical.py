@@ -10,85 +10,115 @@ import numpy.typing as npt
 
 from .strips import SIDE_PX
 
-__all__ = ["draw_bands", "sort_into_bands"]
+__all__ = ["azimuths", "draw_bands", "elevations", "sort_into_bands"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 U8 = npt.NDArray[np.uint8]
+Direction = tuple[float, float, float]
+
+_HALF_TURN = 3.0  # radians: less than pi, where sides could go either way round
 
 
 @numba.njit(inline="always", cache=True)
-def _near_in_angle(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> bool:
-    """Whether two directions are less than 45 degrees apart."""
-    dot = ax * bx + ay * by + az * bz
-    return dot > 0.0 and 2.0 * dot * dot > (ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz)
+def _direction(screen: F32, i: int) -> tuple[float, float, float]:
+    return float(screen[i, 0]), float(screen[i, 1]), float(screen[i, 2])
+
+
+@numba.njit(inline="always", cache=True)
+def _cross(p: Direction, r: Direction) -> Direction:
+    return p[1] * r[2] - p[2] * r[1], p[2] * r[0] - p[0] * r[2], p[0] * r[1] - p[1] * r[0]
+
+
+@numba.njit(inline="always", cache=True)
+def _dot(p: Direction, r: Direction) -> float:
+    return p[0] * r[0] + p[1] * r[1] + p[2] * r[2]
+
+
+@numba.njit(inline="always", cache=True)
+def _normal(a: Direction, b: Direction, c: Direction) -> Direction:
+    """Of the plane of three corners; towards who sees them counterclockwise."""
+    return _cross((b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]))
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _rows(screen: F32, a: int, b: int, c: int, camera: F64) -> tuple[int, int]:
-    """First and last row that a triangle may touch, an empty range where it is culled; one round a pole reaches the
-    picture's edge."""
-    height = int(camera[2])
-    ax, ay, az = float(screen[a, 0]), float(screen[a, 1]), float(screen[a, 2])
-    bx, by, bz = float(screen[b, 0]), float(screen[b, 1]), float(screen[b, 2])
-    cx, cy, cz = float(screen[c, 0]), float(screen[c, 1]), float(screen[c, 2])
-    nx = (by - ay) * (cz - az) - (bz - az) * (cy - ay)
-    ny = (bz - az) * (cx - ax) - (bx - ax) * (cz - az)
-    nz = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    if nx * ax + ny * ay + nz * az >= 0.0:
+def _turn(p: Direction, r: Direction) -> float:
+    """From one direction's azimuth to another's the shorter way round, -pi to pi."""
+    return math.atan2(p[0] * r[1] - p[1] * r[0], p[0] * r[0] + p[1] * r[1])
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def azimuths(a: Direction, b: Direction, c: Direction) -> tuple[float, float]:
+    """The least and the largest azimuth of a triangle on the sphere, not wrapped; more than half a turn apart where it
+    has a pole inside or cannot be told from one that has.
+
+    Sides are arcs of great circles, along which azimuths only rise or only fall.
+    """
+    ab, bc, ca = _turn(a, b), _turn(b, c), _turn(c, a)
+    if abs(ab + bc + ca) > 3.0:  # a whole turn: round a pole
+        return -math.pi, math.pi
+    first = math.atan2(a[1], a[0])
+    return first + min(0.0, min(ab, ab + bc)), first + max(0.0, max(ab, ab + bc))
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def elevations(a: Direction, b: Direction, c: Direction, width: float) -> tuple[float, float]:
+    """Bounds of the elevations of a triangle on the sphere that is so wide in azimuth, see `azimuths`.
+
+    Along a great circle the tangent of the elevation is A cos(azimuth - that of its highest point). An arc that has
+    this point inside has it in the half of its higher end: the tangent there is no less than A cos(width / 2).
+    """
+    ta = a[2] / math.hypot(a[0], a[1])
+    tb = b[2] / math.hypot(b[0], b[1])
+    tc = c[2] / math.hypot(c[0], c[1])
+    low, high = min(ta, min(tb, tc)), max(ta, max(tb, tc))
+    if width > _HALF_TURN:
+        return math.atan(low) if low > 0.0 else -0.5 * math.pi, math.atan(high) if high < 0.0 else 0.5 * math.pi
+    bulge = 1.0 / math.cos(0.5 * width)
+    return math.atan(low * bulge if low < 0.0 else low), math.atan(high * bulge if high > 0.0 else high)
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _rows(a: Direction, b: Direction, c: Direction, camera: F64) -> tuple[int, int]:
+    """First and last row that a triangle may touch, an empty range where it is seen from behind."""
+    if _dot(_normal(a, b, c), a) >= 0.0:
         return 1, 0
-    ta = math.atan2(az, math.hypot(ax, ay))
-    tb = math.atan2(bz, math.hypot(bx, by))
-    tc = math.atan2(cz, math.hypot(cx, cy))
-    # A side bulges towards the pole by less than its own length.
-    bulge = 0.5 * (max(ta, max(tb, tc)) - min(ta, min(tb, tc))) + 2 * camera[6]
-    high, low = max(ta, max(tb, tc)) + bulge, min(ta, min(tb, tc)) - bulge
-    if not (_near_in_angle(ax, ay, az, bx, by, bz) and _near_in_angle(bx, by, bz, cx, cy, cz)):
-        return 0, height - 1
-    spread = max(abs(ax * by - ay * bx), max(abs(bx * cy - by * cx), abs(cx * ay - cy * ax)))
-    planar = min(ax * ax + ay * ay, min(bx * bx + by * by, cx * cx + cy * cy))
-    if spread > 0.05 * planar:  # wide in azimuth: near a pole
-        high, low = (math.pi / 2, low - 0.2) if az > 0 else (high + 0.2, -math.pi / 2)
-    first = math.ceil((camera[5] - high) / camera[6] - 0.5)
-    last = math.floor((camera[5] - low) / camera[6] - 0.5)
-    return max(0, int(first)), min(height - 1, int(last))
+    left, right = azimuths(a, b, c)
+    low, high = elevations(a, b, c, right - left)
+    first = math.ceil((camera[5] - high) / camera[6] - 0.5 - SIDE_PX)
+    last = math.floor((camera[5] - low) / camera[6] - 0.5 + SIDE_PX)
+    return max(0, int(first)), min(int(camera[2]) - 1, int(last))
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _side(p: Direction, r: Direction, camera: F64) -> tuple[float, float, float, float]:
+    """The plane through the eye and a side: directions whose product with it is no less than its last are inside."""
+    x, y, z = _cross(r, p)
+    return x, y, z, -SIDE_PX * camera[6] * math.sqrt(x * x + y * y + z * z)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _draw_triangle(
-    screen: F32, a: int, b: int, c: int, camera: F64, columns: F32, rows: F32, first: int, last: int,
+    a: Direction, b: Direction, c: Direction, camera: F64, columns: F32, rows: F32, first: int, last: int,
     view: int, margin: float, push: float, disparity: F32, winner: U8,
 ) -> None:  # fmt: skip
-    """Draw on the sphere: a pixel is inside where its direction is on the inner side of three planes."""
+    """Draw rows first to last on the sphere: a pixel is inside where its direction is on the inner side of three
+    planes."""
     width = disparity.shape[1]
-    ax, ay, az = float(screen[a, 0]), float(screen[a, 1]), float(screen[a, 2])
-    bx, by, bz = float(screen[b, 0]), float(screen[b, 1]), float(screen[b, 2])
-    cx, cy, cz = float(screen[c, 0]), float(screen[c, 1]), float(screen[c, 2])
-    sides = np.empty((3, 4))
-    for k in range(3):
-        px, py, pz = (ax, ay, az) if k == 0 else ((bx, by, bz) if k == 1 else (cx, cy, cz))
-        rx, ry, rz = (bx, by, bz) if k == 0 else ((cx, cy, cz) if k == 1 else (ax, ay, az))
-        sides[k, 0], sides[k, 1], sides[k, 2] = ry * pz - rz * py, rz * px - rx * pz, rx * py - ry * px
-        length = math.sqrt(sides[k, 0] ** 2 + sides[k, 1] ** 2 + sides[k, 2] ** 2)
-        sides[k, 3] = -SIDE_PX * camera[6] * length
-    nx = (by - ay) * (cz - az) - (bz - az) * (cy - ay)
-    ny = (bz - az) * (cx - ax) - (bx - ax) * (cz - az)
-    nz = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    inverse = 1.0 / (nx * ax + ny * ay + nz * az)
-    pa, pb, pc = math.atan2(ay, ax), math.atan2(by, bx), math.atan2(cy, cx)
-    turn = 2.0 * math.pi
-    pb -= turn * math.floor((pb - pa) / turn + 0.5)
-    pc -= turn * math.floor((pc - pa) / turn + 0.5)
-    high, low = max(pa, max(pb, pc)), min(pa, min(pb, pc))
-    if high - low > 0.05:  # near a pole: every column may be touched
+    top, bottom = _rows(a, b, c, camera)
+    ab, bc, ca = _side(a, b, camera), _side(b, c, camera), _side(c, a, camera)
+    nx, ny, nz = _normal(a, b, c)
+    inverse = 1.0 / _dot((nx, ny, nz), a)
+    left, right = azimuths(a, b, c)
+    if right - left > _HALF_TURN:
         x0, x1 = 0, width - 1
-    else:
-        x0 = math.ceil((camera[3] - high) / camera[4] - 1.5)
-        x1 = math.floor((camera[3] - low) / camera[4] + 0.5)
-    period = round(turn / camera[4])
-    for y in range(first, last + 1):
+    else:  # and a column each way, for sides that go along columns
+        x0 = math.ceil((camera[3] - right) / camera[4] - 1.5)
+        x1 = math.floor((camera[3] - left) / camera[4] + 0.5)
+    period = round(2.0 * math.pi / camera[4])
+    for y in range(max(first, top), min(last, bottom) + 1):
         planar, z = rows[y, 0], rows[y, 1]
         for column in range(x0, x1 + 1):
             x = column
@@ -98,9 +128,9 @@ def _draw_triangle(
                     continue
             dx, dy = planar * columns[x, 0], planar * columns[x, 1]
             if (
-                sides[0, 0] * dx + sides[0, 1] * dy + sides[0, 2] * z >= sides[0, 3]
-                and sides[1, 0] * dx + sides[1, 1] * dy + sides[1, 2] * z >= sides[1, 3]
-                and sides[2, 0] * dx + sides[2, 1] * dy + sides[2, 2] * z >= sides[2, 3]
+                ab[0] * dx + ab[1] * dy + ab[2] * z >= ab[3]
+                and bc[0] * dx + bc[1] * dy + bc[2] * z >= bc[3]
+                and ca[0] * dx + ca[1] * dy + ca[2] * z >= ca[3]
             ):
                 q = (nx * dx + ny * dy + nz * z) * inverse
                 q = q / (1.0 + push * q)
@@ -123,7 +153,8 @@ def sort_into_bands(
         for k in range(shares[chunk], shares[chunk + 1]):
             block = visible[k]
             for t in range(starts[block, 1], starts[block + 1, 1]):
-                first, last = _rows(screen, triangles[t, 0], triangles[t, 1], triangles[t, 2], camera)
+                a, b, c = triangles[t]
+                first, last = _rows(_direction(screen, a), _direction(screen, b), _direction(screen, c), camera)
                 drawn[chunk] += last >= first
                 for band in range(first // band_rows, last // band_rows + 1 if last >= first else 0):
                     lists[chunk, band, counts[chunk, band]] = t
@@ -142,8 +173,8 @@ def draw_bands(
         first, last = band * band_rows, min((band + 1) * band_rows, height) - 1
         for chunk in range(counts.shape[0]):
             for k in range(counts[chunk, band]):
-                t = lists[chunk, band, k]
+                a, b, c = triangles[lists[chunk, band, k]]
                 _draw_triangle(
-                    screen, triangles[t, 0], triangles[t, 1], triangles[t, 2], camera, columns, rows, first, last,
-                    view, margin, push, disparity, winner,
+                    _direction(screen, a), _direction(screen, b), _direction(screen, c), camera, columns, rows,
+                    first, last, view, margin, push, disparity, winner,
                 )  # fmt: skip
