@@ -219,6 +219,7 @@ def test_a_maximum_that_is_not_fused_strays_and_a_fused_one_does_not():
             image.update(view)
             if fuse:
                 image.fuse(view)
+        assert image.fused.shape == (wall.codes.shape if fuse else (0, 0))  # what is not fused is spared it
         off[fuse] = rms(image.codes.astype(int) - wall.codes)
     assert off[False] > 1.2 * SIGMA
     assert off[True] < 0.3 * SIGMA

@@ -37,9 +37,9 @@ class MaximumDepthImage:
 
     codes uint16 [h, w], texture 10 bit 4:2:0; updated uint8 [h, w]: changed since the camera's last turn;
     kept uint8 [h, w]: belongs to the P-PBS; provisional uint8 [h, w]: the colour was seen at the rim of something
-    nearer; fused uint8 [h, w]: how many views depth and colour are the mean of. `edge` is a depth edge's disparity
-    step, 1/m; `tone` is what is done to the view's colours, packed (`kernels.tone`). The arrays stay where they are
-    for life.
+    nearer; fused uint8 [h, w]: how many views depth and colour are the mean of, without elements while they are of one.
+    `edge` is a depth edge's disparity step, 1/m; `tone` is what is done to the view's colours, packed (`kernels.tone`).
+    Codes and texture stay where they are for life.
     """
 
     def __init__(self, view: View, tolerances: Tolerances, edge: float, tone: npt.ArrayLike = IDENTITY) -> None:
@@ -49,7 +49,7 @@ class MaximumDepthImage:
         self.updated = np.zeros(self.codes.shape, np.uint8)
         self.kept = np.zeros(self.codes.shape, np.uint8)
         self.provisional = np.zeros(self.codes.shape, np.uint8)
-        self.fused = np.ones(self.codes.shape, np.uint8)
+        self.fused = np.empty((0, 0), np.uint8)
         self._by_code = np.empty(1 << 16, np.uint16)  # below which a new code is farther
         self._edge = edge
         self._number = 0  # of the last view taken
@@ -84,6 +84,8 @@ class MaximumDepthImage:
 
     def fuse(self, view: View, tone: npt.ArrayLike = IDENTITY) -> None:
         """Takes the mean with the view that `update` took, where both show the same; other rows in each of PHASES."""
+        if self.fused.size == 0:
+            self.fused = np.ones(self.codes.shape, np.uint8)
         fuse_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
             self.provisional, self.fused, self._by_code, self._rules, np.asarray(tone), self._number,

@@ -205,9 +205,9 @@ def update_maximum_depth(
 
     codes, y, updated, provisional, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; before, counts: pixels updated
     per block in the call before and in this one; by_code, rules: as `prepare_maximum_depth` leaves them. `updated` and
-    `fused` are set to 1 there, and `updated` is never cleared. A provisional colour is replaced when the same surface
-    is seen away from depth edges: looked at once within PHASES calls; then where something has changed, and in one pair
-    of rows a `turn`, which counts up.
+    `fused` (unless it has no elements) are set to 1 there, and `updated` is never cleared. A provisional colour is
+    replaced when the same surface is seen away from depth edges: looked at once within PHASES calls; then where
+    something has changed, and in one pair of rows a `turn`, which counts up.
     """
     h, w = codes.shape
     lowest, whole = np.uint16(rules[2]), turn >= 0
@@ -258,7 +258,9 @@ def _update_quad(
             if new - lowest < by_code[codes[row, x]]:
                 codes[row, x] = new
                 y[row, x] = toned_code(tone[0], new_y[row, x], tone[1])
-                updated[row, x] = fused[row, x] = 1
+                updated[row, x] = 1
+                if fused.size > 0:
+                    fused[row, x] = 1
                 provisional[row, x] = _FRESH if _beside_nearer(new_codes, row, x, edge) else 0
                 count += 1
                 coloured += 1
