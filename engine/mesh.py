@@ -40,3 +40,11 @@ class Mesh:
         spheres = np.empty((len(self.starts) - 1, 4), np.float32)
         bound_blocks(self.points, self.starts, spheres)
         return spheres
+
+    def only(self, which: npt.NDArray[np.bool_]) -> Mesh:  # [m]
+        """Some of its triangles, with the points that these use, in one block."""
+        triangles = self.triangles[which]
+        used = np.zeros(len(self.points), bool)
+        used[triangles] = True
+        numbers = np.cumsum(used, dtype=np.int32) - np.int32(1)
+        return Mesh(self.points[used], self.uv[used], numbers[triangles])

@@ -226,7 +226,10 @@ def test_a_surface_is_compacted_where_much_of_it_is_culled(culled):
     left = pbs.static[0]
     assert left.valid_count == valid.sum()
     assert len(left.invalid) == (len(valid) if culled < 0.1 else valid.sum())
-    np.testing.assert_array_equal(left.mesh.triangles[left.invalid == 0], mesh.triangles[valid])
+    for after, before in ((left.mesh.points, mesh.points), (left.mesh.uv, mesh.uv)):
+        np.testing.assert_array_equal(after[left.mesh.triangles[left.invalid == 0]], before[mesh.triangles[valid]])
+    if culled > 0.1:
+        assert len(np.unique(left.mesh.triangles)) == len(left.mesh.points)
     np.testing.assert_array_equal(left.marks[left.invalid == 0], surface.marks[valid])
 
 

@@ -35,6 +35,12 @@ def test_memory_is_far_below_all_that_was_seen(rows: dict[tuple[str, str], Spare
     assert growth.left < 0.1 * growth.all
 
 
+def test_a_viewing_space_never_needs_more(rows: dict[tuple[str, str], Spared]) -> None:
+    for what in ("triangles of the S-PBS", "memory of its surfaces"):
+        (row,) = (row for (_scene, name), row in rows.items() if name == what)
+        assert 0 < row.left <= row.all
+
+
 def test_perspective_rigs_load_nothing_for_spheres(rows: dict[tuple[str, str], Spared]) -> None:
     loaded = [row.left for (_scene, what), row in rows.items() if what.startswith("spherical")]
     assert loaded in ([], [0.0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ from ..kernels.project import CAMERA_SIZE
 from ..kernels.tone import IDENTITY
 from ..mesh import Mesh
 from ..pbi import BackgroundImage
-from ..prepared import ViewTable
+from ..prepared import PreparedView, ViewTable
 from ..scene import Scene
 from ..settings import Settings
 from ..stages import Stages, timed
@@ -31,7 +31,7 @@ from .directions import ChangedDirections
 from .maximum_depth import BLOCK, MaximumDepthImage, coding_row
 from .pbs import ProbableBackgroundSurface, Surface
 from .tolerances import Tolerances, sampled_disparity, scene_tolerances, with_noise
-from .viewing_space import ViewingSpace
+from .viewing_space import ViewingSpace, flag_hidden
 
 __all__ = ["BackgroundModel", "UpdateReport"]
 
@@ -40,7 +40,8 @@ _NOISE_FRAMES = (1, 2, 4, 8, 16, 32)  # after the first: when noise is measured
 
 @dataclass(slots=True)
 class UpdateReport:
-    """What one frame did to the model. Pixels: updated, candidates, accepted; triangles: culled, s_pbs, p_pbs."""
+    """What one frame did to the model. Pixels: updated, candidates, accepted; triangles: culled, hidden (from
+    the viewing space), s_pbs, p_pbs."""
 
     frame_index: int
     group: tuple[str, ...]  # cameras whose part of the P-PBS had its turn
@@ -49,6 +50,7 @@ class UpdateReport:
     accepted: int = 0
     rays: int = 0
     culled: int = 0
+    hidden: int = 0
     s_pbs: int = 0
     s_pbs_valid: int = 0
     p_pbs: int = 0
@@ -173,6 +175,7 @@ class BackgroundModel:
             self._pbs.commit()
         with timed(report.stages, "culling"):
             self._cull(range(len(self.cameras)), report, share=True)
+        self._flag_hidden(self._pbs.static, frame, report)
         with timed(report.stages, "commit"), self._lock:
             self._pbs.compact_static()
             self._pbs.commit()
@@ -218,6 +221,7 @@ class BackgroundModel:
             due = [c for c in group if self._cast_version[c] != self._pbs.version]
             if due or retired:
                 self._cull(due, report)
+        self._flag_hidden({c: self._pbs.progressive[c] for c in due if c in self._pbs.progressive}, frame, report)
         return report
 
     def _retire(self, frame: Frame) -> bool:
@@ -341,6 +345,21 @@ class BackgroundModel:
         report.rays += rays
         with self._lock:
             report.culled += cull_unmarked(self._pbs, unmarked)
+
+    def _flag_hidden(self, surfaces: Mapping[int, Surface], frame: Frame, report: UpdateReport) -> None:
+        """Flags what nobody in the viewing space can see for other background; where the farthest surface is shown,
+        none hides another."""
+        if self._space is None or self.settings.backdrop != "standing":
+            return
+        with timed(report.stages, "hidden"), self._lock:
+            prepared = zip(frame.views, self._options, strict=True)
+            present = ViewTable([PreparedView(view, options, self._origin) for view, options in prepared])
+            owned = [(self.cameras[c], surface) for c, surface in surfaces.items()]
+            hidden, rays = flag_hidden(
+                self._space, self._pbs, owned, present.rows, self._seen(present), self._tolerances.slack
+            )
+            report.hidden += hidden
+            report.rays += rays
 
     # What is made of it
 

@@ -92,7 +92,7 @@ class ProbableBackgroundSurface:
             valid = surface.invalid == 0
             if np.count_nonzero(valid) > _DENSE * len(valid):
                 continue
-            self.set_static(camera, Mesh(surface.mesh.points, surface.mesh.uv, surface.mesh.triangles[valid]))
+            self.set_static(camera, surface.mesh.only(valid))
             self.static[camera].marks[:] = surface.marks[valid]
 
     def commit(self) -> None:

@@ -1,15 +1,30 @@
-"""The viewing space: a ball that heads stay in. What faces away from all of it nobody can see."""
+"""The viewing space: a ball that heads stay in. What faces away from all of it nobody can see, nor what is hidden."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
+from ..camera import Camera, Equirectangular, Pose
+from ..depth import DepthCoding
+from ..kernels.hidden import CELL, flag_unseen, mark_seen, spread_seen
+from ..kernels.slack import Slack
 from ..mesh import Mesh
+from .pbs import ProbableBackgroundSurface, Surface
 
-__all__ = ["ViewingSpace"]
+__all__ = ["ViewingSpace", "flag_hidden"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_ALL_ROUND = Equirectangular(8192, 4096, (-math.pi, math.pi), (-math.pi / 2, math.pi / 2))
+_FEW = 8  # of so many eyes one is asked first
+_INSIDE = 0.5  # of the radius: where eyes are besides the middle and round the ball
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -26,7 +41,7 @@ class ViewingSpace:
         return cls((x, y, z), ball[3])
 
     def sees(self, mesh: Mesh) -> npt.NDArray[np.bool_]:  # [m]
-        """Which triangles show their front to some point of the ball.
+        """Which triangles show their front to some point of the ball, whatever is before them.
 
         A point sees the front where it lies on that side of the triangle's plane; of a ball, the point nearest to that
         side is its radius nearer than the middle. Triangles without an area are seen by nobody.
@@ -38,8 +53,65 @@ class ViewingSpace:
         return seen
 
     def seen(self, mesh: Mesh) -> Mesh:
-        """A mesh without the triangles that nobody sees; in one block where there are any."""
+        """A mesh without the triangles that face away from everybody; in one block where there are any."""
         faces = self.sees(mesh)
-        if faces.all():
-            return mesh
-        return dataclasses.replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[faces]), block_starts=None)
+        return mesh if faces.all() else mesh.only(faces)
+
+    def eyes(self) -> FloatArray:  # [n, CAMERA_SIZE]
+        """Packed cameras that look all round: in the middle, halfway out, and at the corners of a body that holds the
+        ball. What a straight edge hides from all corners it hides from the ball."""
+        near, around = _icosahedron(), _geodesic()
+        offsets = np.concatenate([np.zeros((1, 3)), _INSIDE * near, around])
+        places = np.unique(np.array(self.middle) + self.radius * offsets, axis=0)
+        coding = DepthCoding(1.0, 2.0)  # they record nothing
+        return np.stack([Camera("eye", _ALL_ROUND, Pose((x, y, z)), coding).packed() for x, y, z in places.tolist()])
+
+
+def flag_hidden(
+    space: ViewingSpace, pbs: ProbableBackgroundSurface, surfaces: Sequence[tuple[Camera, Surface]],
+    table: FloatArray, codes: npt.NDArray[np.int64], slack: Slack,
+) -> tuple[int, int]:  # fmt: skip
+    """Flags triangles of surfaces (each with the camera that it stems from) as invalid that other background hides
+    from all of the space; returns how many, and the rays cast.
+
+    A triangle stays where one of the space's eyes is shown (`kernels.standing`, with its table, codes and slack) one of
+    some points of it, or what lies less than the slack before it; and so does what lies within CELL to 2 CELL pixels
+    of it in its picture. This is a sampled answer. Wrongly lost may be what heads between the eyes see through a gap
+    narrower than that, farther from the gap's sides than those pixels; and what is hidden now by something that is
+    taken for background and will go away, where the views do not show it then. Each may leave a hole in the
+    background, nothing else.
+    """
+    eyes, rays, hidden, found = space.eyes(), 0, 0, []
+    for camera, surface in surfaces:
+        mesh, seen = surface.mesh, np.zeros(len(surface.invalid), np.uint8)
+        wraps = isinstance(camera.projection, Equirectangular) and camera.projection.wraps
+        cells = np.zeros((math.ceil(camera.height / CELL), math.ceil(camera.width / CELL)), np.uint8)
+        for some in (eyes[::_FEW], eyes):  # few see most, and what is beside need not be asked for
+            rays += mark_seen(
+                pbs.intersect, pbs.scene, some, pbs.bounds, mesh.points, mesh.uv, mesh.triangles, surface.invalid,
+                pbs.surface_table, table, codes, slack, wraps, cells, seen,
+            )  # fmt: skip
+            spread_seen(mesh.uv, mesh.triangles, seen, wraps, cells)
+        found.append((surface, wraps, cells))
+    for surface, wraps, cells in found:  # only now: what is hidden still hides
+        hidden += flag_unseen(surface.mesh.uv, surface.mesh.triangles, wraps, cells, surface.invalid)
+    return int(hidden), int(rays)
+
+
+def _icosahedron() -> FloatArray:  # [12, 3]
+    """Its corners, on the unit sphere."""
+    golden = 0.5 * (1.0 + math.sqrt(5.0))
+    signs = itertools.product((-1.0, 1.0), (-golden, golden))
+    corners = np.array([np.roll((0.0, a, b), k) for a, b in signs for k in range(3)])
+    return corners / math.hypot(1.0, golden)
+
+
+def _geodesic() -> FloatArray:  # [42, 3]
+    """Corners of a body of 80 triangles that holds the unit ball: an icosahedron's and those over its edges."""
+    corners = _icosahedron()
+    edge = np.linalg.norm(corners[:, None] - corners, axis=-1)
+    a, b = np.nonzero(np.triu(edge < 1.01 * edge[edge > 0.0].min(), 1))
+    over = (corners[a] + corners[b]) / np.linalg.norm(corners[a] + corners[b], axis=-1, keepdims=True)
+    # The faces nearest to the middle have all their corners over edges, and so neighbours 36 degrees apart.
+    inner = math.sqrt(1.0 - (2.0 * math.sin(math.radians(18.0))) ** 2 / 3.0)
+    return np.concatenate([corners, over]) / inner

@@ -21,6 +21,7 @@ from .stages import head_amid, one_thread
 __all__ = ["Spared", "spared_rows"]
 
 _VIEWER = "head"
+_WITHIN_M = 0.3  # of its place the head stays, where that is declared
 _SETTLED = 3  # frames of a run that are not counted: they compile, and first turns are dearer
 
 
@@ -85,6 +86,7 @@ def spared_rows(
         if flat:
             yield Spared(name, "spherical drawing kernels that were loaded", 1, loaded, "")
         yield from _memory_rows(name, twin, moving, static, frames)
+        yield from _space_rows(name, twin, video[0])
 
 
 def _again(frame: Frame, index: int) -> Frame:
@@ -139,3 +141,18 @@ def _memory_rows(name: str, twin: Twin, moving: _Run, static: _Run, frames: int)
         each = (seen / frames) * (frames - 1 - _SETTLED)
         what = f"growth from frame {_SETTLED} on, of the depth since"
         yield Spared(name + kind, what, each, max(last - first, 0) / 1e6, "MB")
+
+
+def _space_rows(name: str, twin: Twin, first: Frame) -> Iterator[Spared]:
+    """What the model of the first frame needs where heads stay near one place."""
+    x, y, z = head_amid(twin.sources).pose.position
+    found = []
+    for space in (None, (x, y, z, _WITHIN_M)):
+        engine = Engine(twin.sources, Settings.preset("balanced", viewing_space=space))
+        report = engine.update(first).background
+        assert report is not None
+        assert engine.model is not None
+        found.append((report.s_pbs_valid, engine.model.memory["surfaces"] / 1e6))
+    heads = f"{name}, heads within {_WITHIN_M:g} m"
+    yield Spared(heads, "triangles of the S-PBS", found[0][0], found[1][0], "")
+    yield Spared(heads, "memory of its surfaces", found[0][1], found[1][1], "MB")
