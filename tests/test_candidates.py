@@ -7,6 +7,7 @@ import pytest
 from farside.engine.background.maximum_depth import coding_row
 from farside.engine.background.pbs import ProbableBackgroundSurface
 from farside.engine.camera import Camera, Perspective, Pose
+from farside.engine.kernels.maximum_depth import KEPT, PROVISIONAL, UPDATED
 from farside.engine.kernels.progressive import accept_candidates
 from farside.engine.mesh import Mesh
 from oracle.rays import farthest
@@ -30,16 +31,16 @@ def wall_with_a_gap():
 def slow_filter(camera, mesh, depth, updated, kept):
     """(kept, updated) afterwards: pixel by pixel, each by its own ray."""
     accepted, confirmed = np.zeros(kept.shape, bool), np.zeros(kept.shape, bool)
-    for y, x in np.argwhere((updated != 0) & (kept == 0)):
+    for y, x in np.argwhere(updated & ~kept):
         found, _triangle = farthest(camera, x + 0.5, y + 0.5, mesh.points, mesh.triangles)
         length = np.linalg.norm(camera.unproject([x + 0.5, y + 0.5], 1.0))
         confirmed[y, x] = np.isnan(found)
         accepted[y, x] = np.isnan(found) or depth[y, x] * length > found + DELTA
-    there = np.pad((kept != 0) | accepted, 1).astype(int)
+    there = np.pad(kept | accepted, 1).astype(int)
     h, w = kept.shape
     around = sum(there[y : y + h, x : x + w] for y in range(3) for x in range(3)) - there[1:-1, 1:-1]
     confirmed |= accepted & (around >= 3)
-    return (kept != 0) | confirmed, accepted & ~confirmed
+    return kept | confirmed, accepted & ~confirmed
 
 
 @pytest.mark.parametrize("size", [(40, 32), (33, 25)])
@@ -54,18 +55,19 @@ def test_candidates_are_accepted_as_by_the_slow_twin_with_fewer_rays(size, share
     depth[3:9, 5:16] = 5.0  # a region behind the wall, and what is not enough of one
     depth[14, 28] = depth[20, 9:11] = 5.0
     codes = CODING.codes(depth)
-    updated = (rng.random(codes.shape) < share).astype(np.uint8)
-    kept = (rng.random(codes.shape) < 0.02).astype(np.uint8)
+    updated = rng.random(codes.shape) < share
+    kept = rng.random(codes.shape) < 0.02
+    others = rng.integers(0, 1 << 8, codes.shape, np.uint8) & PROVISIONAL
+    flags = np.where(updated, UPDATED, 0).astype(np.uint8) | np.where(kept, KEPT, 0).astype(np.uint8) | others
     expected, lone = slow_filter(camera, mesh, CODING.depth(codes), updated, kept)
     candidates, changed, before = np.count_nonzero(updated), np.count_nonzero(updated & kept), np.count_nonzero(kept)
     blocks = np.argwhere(np.ones((-(-size[1] // 8), -(-size[0] // 16))))
     counts = np.empty((len(blocks), 5), np.int64)
     accept_candidates(
-        pbs.intersect, pbs.scene, camera.packed(), pbs.bounds, coding_row(camera), codes, updated, kept, (DELTA, 0.0),
-        blocks, 8, 16, counts,
+        pbs.intersect, pbs.scene, camera.packed(), pbs.bounds, coding_row(camera), codes, flags, (DELTA, 0.0), blocks,
+        8, 16, counts,
     )  # fmt: skip
-    np.testing.assert_array_equal(kept != 0, expected)
-    np.testing.assert_array_equal(updated != 0, lone)
+    np.testing.assert_array_equal(flags, np.where(expected, KEPT, 0) | np.where(lone, UPDATED, 0) | others)
     rays = counts[:, 4].sum()
     accepted = np.count_nonzero(expected) - before
     assert counts.sum(axis=0)[:4].tolist() == [candidates, accepted, changed, np.count_nonzero(lone)]

@@ -9,7 +9,16 @@ from farside.engine.background.tolerances import Tolerances
 from farside.engine.camera import Camera, Perspective, Pose
 from farside.engine.depth import DepthCoding
 from farside.engine.frame import View
-from farside.engine.kernels.maximum_depth import COLOUR_FRAMES, DEPTH_FRAMES, PHASES, TILE, farther_than
+from farside.engine.kernels.maximum_depth import (
+    COLOUR_FRAMES,
+    DEPTH_FRAMES,
+    KEPT,
+    PHASES,
+    PROVISIONAL,
+    TILE,
+    UPDATED,
+    farther_than,
+)
 from farside.engine.triangulation import TriangulationOptions, triangulate
 from oracle.maximum_depth import settle, update
 from rooms import BOX_X, BOX_Y, CODING, WALL_X, WALL_Y, camera_row, see, texture_of
@@ -40,8 +49,8 @@ def test_updates_are_those_of_the_slow_twin(size, has_invalid, bits):
         assert image.update(view) == np.count_nonzero(updated) > 0
         np.testing.assert_array_equal(image.codes, codes)
         np.testing.assert_array_equal(image.texture.y, luma)
-        np.testing.assert_array_equal(image.updated != 0, updated)
-        image.updated[:] = image.provisional[:] = 0  # colours that are taken later have their own tests
+        np.testing.assert_array_equal(image.flags & UPDATED != 0, updated)
+        image.flags[:] = 0  # colours that are taken later have their own tests
 
 
 @pytest.mark.parametrize("has_invalid", [True, False])
@@ -79,7 +88,7 @@ def test_a_sample_of_rows_finds_everything_within_some_views(size):
     assert sum(found) == np.count_nonzero(updated) > found[0] or size[0] < TILE
     np.testing.assert_array_equal(image.codes, expected)
     np.testing.assert_array_equal(image.texture.y, luma)
-    np.testing.assert_array_equal(image.updated != 0, updated)
+    np.testing.assert_array_equal(image.flags & UPDATED != 0, updated)
     rows, columns = np.nonzero(updated)
     blocks = np.zeros(image.pending.shape, bool)
     blocks[rows // (2 * PHASES), columns // TILE] = True
@@ -107,15 +116,30 @@ def test_colours_beside_something_nearer_are_provisional(size):
     padded = np.pad(view.codes.astype(int), 1, mode="edge")
     h, w = view.codes.shape
     nearest = np.max([padded[y : y + h, x : x + w] for y in range(3) for x in range(3)], axis=0)
-    np.testing.assert_array_equal(image.provisional != 0, nearest > view.codes.astype(int) + 20000)
-    assert 0 < np.mean(image.provisional) < 1
+    provisional = image.flags & PROVISIONAL != 0
+    np.testing.assert_array_equal(provisional, nearest > view.codes.astype(int) + 20000)
+    assert 0 < np.mean(provisional) < 1
 
 
 def test_the_same_view_again_changes_nothing():
     view = see(camera_row(1)[0], box_y=0.0)
     image = MaximumDepthImage(view, TOLERANCES, edge=0.1)
     assert image.update(view) == 0
-    assert not image.updated.any()
+    assert not np.any(image.flags & UPDATED)
+
+
+def test_what_belongs_to_the_model_stays_so_whatever_else_is_noted():
+    camera = camera_row(1)[0]
+    image = MaximumDepthImage(see(camera, box_y=0.0), TOLERANCES, edge=0.05)
+    kept = np.arange(image.flags.size).reshape(image.flags.shape) % 3 == 0
+    image.flags[kept] |= KEPT
+    uncovered = image.update(see(camera))
+    assert uncovered == np.count_nonzero(image.flags & UPDATED) > 0
+    flags = image.flags & UPDATED
+    image.compare_by(dataclasses.replace(TOLERANCES, noise=SIGMA * CODING.step))
+    fuses(image, [see(camera)] * PHASES)
+    np.testing.assert_array_equal(image.kept != 0, kept)
+    np.testing.assert_array_equal(image.flags & UPDATED, flags)
 
 
 def test_someone_who_leaves_uncovers_depth_and_colour():

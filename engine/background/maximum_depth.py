@@ -10,6 +10,7 @@ from ..camera import Camera, Equirectangular
 from ..colour import toned_texture
 from ..frame import Texture, View
 from ..kernels.maximum_depth import (
+    KEPT,
     PHASES,
     TILE,
     fuse_maximum_depth,
@@ -35,20 +36,18 @@ def coding_row(camera: Camera) -> npt.NDArray[np.float64]:  # [4]
 class MaximumDepthImage:
     """Depth codes and colour of the farthest surface per pixel, and what the P-PBS has to know of each.
 
-    codes uint16 [h, w], texture 10 bit 4:2:0; updated uint8 [h, w]: changed since the camera's last turn;
-    kept uint8 [h, w]: belongs to the P-PBS; provisional uint8 [h, w]: the colour was seen at the rim of something
-    nearer; fused uint8 [h, w]: how many views depth and colour are the mean of, without elements while they are of one.
-    `edge` is a depth edge's disparity step, 1/m; `tone` is what is done to the view's colours, packed (`kernels.tone`).
-    Codes and texture stay where they are for life.
+    codes uint16 [h, w], texture 10 bit 4:2:0; flags uint8 [h, w], bits: changed since the camera's last turn (UPDATED),
+    belongs to the P-PBS (KEPT), the colour was seen at the rim of something nearer (PROVISIONAL); fused uint8 [h, w]:
+    how many views depth and colour are the mean of, without elements while they are of one. `edge` is a depth edge's
+    disparity step, 1/m; `tone` is what is done to the view's colours, packed (`kernels.tone`). Codes and texture stay
+    where they are for life.
     """
 
     def __init__(self, view: View, tolerances: Tolerances, edge: float, tone: npt.ArrayLike = IDENTITY) -> None:
         self.camera = view.camera
         self.codes = np.array(view.codes, np.uint16, order="C")  # kernels take addresses
         self.texture = toned_texture(view.texture, tone)
-        self.updated = np.zeros(self.codes.shape, np.uint8)
-        self.kept = np.zeros(self.codes.shape, np.uint8)
-        self.provisional = np.zeros(self.codes.shape, np.uint8)
+        self.flags = np.zeros(self.codes.shape, np.uint8)
         self.fused = np.empty((0, 0), np.uint8)
         self._by_code = np.empty(1 << 16, np.uint16)  # below which a new code is farther
         self._edge = edge
@@ -63,7 +62,7 @@ class MaximumDepthImage:
     def compare_by(self, tolerances: Tolerances) -> None:
         """Sets what a nontrivial amount is."""
         self._rules = _rules(self.camera, tolerances, self._edge)
-        prepare_maximum_depth(self.codes, self._rules, self._by_code, self.provisional)
+        prepare_maximum_depth(self.codes, self._rules, self._by_code, self.flags)
 
     def update(self, view: View, tone: npt.ArrayLike = IDENTITY, *, whole: bool = True) -> int:
         """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels.
@@ -76,8 +75,8 @@ class MaximumDepthImage:
         before, counts = self._counts[self._number % 2], self._counts[1 - self._number % 2]
         update_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self.updated, self.provisional, self.fused, self._by_code, before, counts, self._rules,
-            np.asarray(tone), self._number, self._turn if whole else -1,
+            self.flags, self.fused, self._by_code, before, counts, self._rules, np.asarray(tone), self._number,
+            self._turn if whole else -1,
         )  # fmt: skip
         self.pending |= counts > 0
         return int(counts.sum())
@@ -88,15 +87,19 @@ class MaximumDepthImage:
             self.fused = np.ones(self.codes.shape, np.uint8)
         fuse_maximum_depth(
             view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self.provisional, self.fused, self._by_code, self._rules, np.asarray(tone), self._number,
+            self.flags, self.fused, self._by_code, self._rules, np.asarray(tone), self._number,
         )  # fmt: skip
 
     @property
     def memory(self) -> int:
         """Bytes of its arrays of pixels."""
-        flags = (self.updated, self.kept, self.provisional, self.fused)
-        codes = (self.codes, *_planes(self.texture))
-        return sum(array.nbytes for array in flags) + sum(array.nbytes for array in codes)
+        seen = sum(array.nbytes for array in (self.codes, *_planes(self.texture)))
+        return seen + self.flags.nbytes + self.fused.nbytes
+
+    @property
+    def kept(self) -> npt.NDArray[np.uint8]:  # [h, w]
+        """Which pixels belong to the P-PBS: not 0; a copy."""
+        return self.flags & np.uint8(KEPT)
 
     @property
     def rounds(self) -> int:

@@ -267,7 +267,7 @@ class BackgroundModel:
             with timed(report.stages, "filter"):
                 if before is not None and culled:
                     mesh = before.mesh
-                    clear_culled(mesh.uv, mesh.triangles, before.invalid, _wraps(image), numbers, image.kept)
+                    clear_culled(mesh.uv, mesh.triangles, before.invalid, _wraps(image), numbers, image.flags)
                 changed = self._filter(c, report)
             if culled or changed.any():
                 with timed(report.stages, "triangulate"):
@@ -305,7 +305,7 @@ class BackgroundModel:
         counts = np.empty((len(blocks), 5), np.int64)
         accept_candidates(
             self._pbs.intersect, self._pbs.scene, self._packed[c], self._pbs.bounds, coding_row(image.camera),
-            image.codes, image.updated, image.kept, self._tolerances.slack, blocks, *BLOCK, counts,
+            image.codes, image.flags, self._tolerances.slack, blocks, *BLOCK, counts,
         )  # fmt: skip
         image.pending[:] = False
         image.lone[tuple(blocks.T)] = counts[:, 3] > 0  # waits until there is more beside it

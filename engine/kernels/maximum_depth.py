@@ -17,8 +17,11 @@ from .project import project_point, unproject_point
 from .tone import mean_luma, toned_code
 
 __all__ = [
+    "KEPT",
     "PHASES",
+    "PROVISIONAL",
     "TILE",
+    "UPDATED",
     "farther_than",
     "fuse_maximum_depth",
     "prepare_maximum_depth",
@@ -30,7 +33,11 @@ TILE = 64  # columns that are compared at once before any is written
 # Every frame looks at one of so many pairs of rows, another one each time: for what has changed, for provisional
 # colours, and to fuse depth. So many pairs and TILE columns are a block.
 PHASES = 8
-_FRESH, _TRIED = 1, 2  # provisional colours: those that were still beside something nearer wait for a change
+# Bits of a pixel's flags; `progressive` has more for itself. UPDATED: changed since the camera's last turn; KEPT: it
+# belongs to the P-PBS. Provisional colours are fresh, or were tried and still beside something nearer: these wait for a
+# change.
+UPDATED, KEPT, _FRESH, _TRIED = 1, 2, 4, 8
+PROVISIONAL = _FRESH | _TRIED
 # How many frames a mean may hold: with more it would follow nothing any more. Colours change sooner, with light and
 # shadow, and a first one that was mixed with someone's who was about to leave is soon forgotten.
 DEPTH_FRAMES, COLOUR_FRAMES = 32, 8
@@ -66,6 +73,12 @@ def _beside_nearer(codes: U16, row: int, x: int, edge: int) -> bool:
     return False
 
 
+@numba.njit(inline="always", cache=True)
+def _coloured(flags: int, provisional: int) -> int:
+    """A pixel's flags with another state of its colour."""
+    return (flags & ~PROVISIONAL) | provisional
+
+
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _limit(code: int, rules: F64) -> int:
     """A code's row in `by_code`: new - lowest < limit, in wrapping 16-bit arithmetic, says "valid and farther"."""
@@ -92,12 +105,12 @@ def _prepare_limits(rules: F64, by_code: U16) -> None:
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def prepare_maximum_depth(codes: U16, rules: F64, by_code: U16, provisional: U8) -> None:
-    """Fills by_code [65536], every code's limit, provisional [h, w] of a first view, and the last three of rules.
+def prepare_maximum_depth(codes: U16, rules: F64, by_code: U16, flags: U8) -> None:
+    """Fills by_code [65536], every code's limit, and the last three of rules; sets which colours are provisional.
 
-    Provisional is 1 where a colour may be mixed with something nearer's. rules [9]: offset, step, smallest valid code
-    (0 or 1), margins in metres and 1/m, depth edge in codes; then least, bend, shift: what is farther than a code, less
-    the smallest valid one, differs from it by least + (max(code - bend, 0) >> shift) codes or more.
+    They are where something nearer may be mixed in. flags [h, w]; rules [9]: offset, step, smallest valid code (0 or
+    1), margins in metres and 1/m, depth edge in codes; then least, bend, shift: what is farther than a code, less the
+    smallest valid one, differs from it by least + (max(code - bend, 0) >> shift) codes or more.
     """
     h, w = codes.shape
     _prepare_limits(rules, by_code)
@@ -108,11 +121,12 @@ def prepare_maximum_depth(codes: U16, rules: F64, by_code: U16, provisional: U8)
         for x in range(w):
             nearest[x] = max(max(above[x], below[x]), codes[y, x])
         edge = np.int32(rules[5])
-        provisional[y, 0] = _beside_nearer(codes, y, 0, edge)
-        provisional[y, w - 1] = _beside_nearer(codes, y, w - 1, edge)
+        for x in (0, w - 1):
+            flags[y, x] = _coloured(flags[y, x], _FRESH * _beside_nearer(codes, y, x, edge))
         for x in range(1, w - 1):
             around = max(max(nearest[x - 1], nearest[x]), nearest[x + 1])
-            provisional[y, x] = np.int32(around) > np.int32(codes[y, x]) + edge
+            nearer = np.int32(around) > np.int32(codes[y, x]) + edge
+            flags[y, x] = _coloured(flags[y, x], _FRESH * nearer)
 
 
 @numba.njit(inline="always", cache=True)
@@ -166,13 +180,13 @@ def _pair_set(pair: int, x: int, flags: U8, bits: int) -> bool:
 
 
 @numba.njit(inline="always", cache=True)
-def _concerned(pair: int, column: int, new: U16, codes: U16, provisional: U8, by_code: U16, lowest: int) -> bool:
+def _concerned(pair: int, column: int, new: U16, codes: U16, flags: U8, by_code: U16, lowest: int) -> bool:
     """Whether one of the 2x2 pixels that share one chroma sample is farther, or has a provisional colour."""
     top, bottom = 2 * pair, min(2 * pair + 1, codes.shape[0] - 1)
     left, right = 2 * column, min(2 * column + 1, codes.shape[1] - 1)
-    waiting = provisional[top, left] | provisional[top, right] | provisional[bottom, left] | provisional[bottom, right]
+    either = flags[top, left] | flags[top, right] | flags[bottom, left] | flags[bottom, right]
     return (
-        (waiting != 0)
+        (either & PROVISIONAL != 0)
         | (np.uint16(new[top, left] - lowest) < by_code[codes[top, left]])
         | (np.uint16(new[top, right] - lowest) < by_code[codes[top, right]])
         | (np.uint16(new[bottom, left] - lowest) < by_code[codes[bottom, left]])
@@ -191,8 +205,7 @@ def _stirred(changed: I64, band: int, tile: int) -> bool:
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def update_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
-    updated: U8, provisional: U8, fused: U8, by_code: U16, before: I64, counts: I64, rules: F64, tone: F64,
-    number: int, turn: int,
+    flags: U8, fused: U8, by_code: U16, before: I64, counts: I64, rules: F64, tone: F64, number: int, turn: int,
 ) -> None:  # fmt: skip
     """Takes over depth and colour where the new view is farther by a nontrivial amount, or sees something first.
 
@@ -203,11 +216,11 @@ def update_maximum_depth(
     before, it looks at the whole block; with a `turn` of 0 or more at all of them. So nothing that stays for PHASES
     calls is missed, and what is as high as a block is found at once.
 
-    codes, y, updated, provisional, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; before, counts: pixels updated
-    per block in the call before and in this one; by_code, rules: as `prepare_maximum_depth` leaves them. `updated` and
-    `fused` (unless it has no elements) are set to 1 there, and `updated` is never cleared. A provisional colour is
-    replaced when the same surface is seen away from depth edges: looked at once within PHASES calls; then where
-    something has changed, and in one pair of rows a `turn`, which counts up.
+    codes, y, flags, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; before, counts: pixels updated per block in the
+    call before and in this one; by_code, rules: as `prepare_maximum_depth` leaves them. UPDATED is set there and never
+    cleared, `fused` (unless it has no elements) becomes 1. A provisional colour is replaced when the same surface is
+    seen away from depth edges: looked at once within PHASES calls; then where something has changed, and in one pair of
+    rows a `turn`, which counts up.
     """
     h, w = codes.shape
     lowest, whole = np.uint16(rules[2]), turn >= 0
@@ -222,20 +235,20 @@ def update_maximum_depth(
             narrow = w < TILE
             stirred = narrow or _stirred(before, band, tile)
             every = stirred or whole or _pair_farther(look, x0, new_codes, codes, by_code, margins)
-            wanted = _FRESH | _TRIED if stirred else _FRESH
-            if every or _pair_set(look, x0, provisional, wanted):
+            wanted = PROVISIONAL if stirred else _FRESH
+            if every or _pair_set(look, x0, flags, wanted):
                 for pair in range(first if every else look, last if every else look + 1):
                     if (
                         narrow
                         or _pair_farther(pair, x0, new_codes, codes, by_code, margins)
-                        or (pair == look and _pair_set(pair, x0, provisional, wanted))
-                        or (pair == again and _pair_set(pair, x0, provisional, _FRESH | _TRIED))
+                        or (pair == look and _pair_set(pair, x0, flags, wanted))
+                        or (pair == again and _pair_set(pair, x0, flags, PROVISIONAL))
                     ):
                         for column in range(start // 2, (min(start + TILE, w) + 1) // 2):
-                            if _concerned(pair, column, new_codes, codes, provisional, by_code, lowest):
+                            if _concerned(pair, column, new_codes, codes, flags, by_code, lowest):
                                 count += _update_quad(
-                                    pair, column, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, updated,
-                                    provisional, fused, by_code, rules, tone,
+                                    pair, column, new_codes, new_y, new_cb, new_cr, codes, y, cb, cr, flags, fused,
+                                    by_code, rules, tone,
                                 )  # fmt: skip
             counts[band, tile] = count
 
@@ -243,7 +256,7 @@ def update_maximum_depth(
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _update_quad(
     pair: int, column: int, new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16,
-    cr: U16, updated: U8, provisional: U8, fused: U8, by_code: U16, rules: F64, tone: F64,
+    cr: U16, flags: U8, fused: U8, by_code: U16, rules: F64, tone: F64,
 ) -> int:  # fmt: skip
     """The 2x2 pixels that share one chroma sample; returns how many of them were updated."""
     h, w = codes.shape
@@ -258,19 +271,18 @@ def _update_quad(
             if new - lowest < by_code[codes[row, x]]:
                 codes[row, x] = new
                 y[row, x] = toned_code(tone[0], new_y[row, x], tone[1])
-                updated[row, x] = 1
                 if fused.size > 0:
                     fused[row, x] = 1
-                provisional[row, x] = _FRESH if _beside_nearer(new_codes, row, x, edge) else 0
+                flags[row, x] = _coloured(flags[row, x], _FRESH * _beside_nearer(new_codes, row, x, edge)) | UPDATED
                 count += 1
                 coloured += 1
-            elif provisional[row, x] != 0:
+            elif flags[row, x] & PROVISIONAL != 0:
                 behind = int(codes[row, x]) - lowest < by_code[new]
                 if behind or _beside_nearer(new_codes, row, x, edge):
-                    provisional[row, x] = _TRIED
+                    flags[row, x] = _coloured(flags[row, x], _TRIED)
                     continue
                 y[row, x] = toned_code(tone[0], new_y[row, x], tone[1])
-                provisional[row, x] = 0
+                flags[row, x] = _coloured(flags[row, x], 0)
                 coloured += 1
     if coloured == 0:
         return count
@@ -283,7 +295,9 @@ def _update_quad(
         cb[pair, column] = toned_code(tone[2], new_cb[pair, column], tone[3] * luma + tone[4])
         cr[pair, column] = toned_code(tone[5], new_cr[pair, column], tone[6] * luma + tone[7])
     else:  # the sample is partly of something nearer: wait until that has moved on
-        provisional[2 * pair : 2 * pair + 2, 2 * column : 2 * column + 2] = _FRESH
+        for row in range(2 * pair, bottom):
+            for x in range(2 * column, right):
+                flags[row, x] = _coloured(flags[row, x], _FRESH)
     return count
 
 
@@ -296,7 +310,7 @@ def _toward(old: int, new: int, count: int, chance: float) -> int:
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def fuse_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
-    provisional: U8, fused: U8, by_code: U16, rules: F64, tone: F64, number: int,
+    flags: U8, fused: U8, by_code: U16, rules: F64, tone: F64, number: int,
 ) -> None:  # fmt: skip
     """Takes the mean where the new view shows the same surface: neither is farther by a nontrivial amount.
 
@@ -323,7 +337,7 @@ def fuse_maximum_depth(
                     chance = (state >> np.uint32(8)) * 2.0**-24
                     fused[row, x] = min(fused[row, x] + 1, DEPTH_FRAMES)
                     codes[row, x] = _toward(old, new, fused[row, x], chance)
-                    if provisional[row, x] != 0 or _beside_nearer(new_codes, row, x, edge):
+                    if flags[row, x] & PROVISIONAL != 0 or _beside_nearer(new_codes, row, x, edge):
                         whole = False
                         continue
                     count = min(count, fused[row, x])

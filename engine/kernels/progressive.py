@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from .maximum_depth import KEPT, UPDATED
 from .rays import farthest_hit
 from .slack import Slack, slack_at
 
@@ -25,29 +26,20 @@ B1 = npt.NDArray[np.bool_]
 # A candidate needs this many of its eight neighbours to be in the P-PBS, or accepted, as well: what someone uncovers
 # is a region, a wrong depth mostly a lone pixel. A corner of two by two pixels has three.
 _NEIGHBOURS = 3
-_ACCEPTED, _CONFIRMED = 2, 3  # in `kept`, while candidates are looked at
-_SPARED, _BESIDE = 2, 3  # in `updated`, as well: by one ray for four pixels; of these, those beside accepted ones
+# More bits of a pixel's flags, while candidates are looked at: spared by one ray for four pixels; those that will be
+# kept, some only if they have enough neighbours.
+_SPARED, _ACCEPTED, _CONFIRMED = 16, 32, 64
 _FLAT = 0.25  # of delta: four pixels whose depths differ by less share a ray
 
 
 @numba.njit(inline="always", cache=True)
-def _neighbours(kept: U8, y: int, x: int) -> int:
-    """How many of the eight pixels around one are kept."""
+def _around(flags: U8, y: int, x: int, bits: int) -> int:
+    """How many of the three by three pixels round one have one of the bits."""
     count = 0
-    for row in range(max(y - 1, 0), min(y + 2, kept.shape[0])):
-        for column in range(max(x - 1, 0), min(x + 2, kept.shape[1])):
-            count += kept[row, column] != 0
-    return count - 1
-
-
-@numba.njit(inline="always", cache=True)
-def _beside_accepted(kept: U8, y: int, x: int) -> bool:
-    """Whether one of the eight pixels around one has been accepted."""
-    for row in range(max(y - 1, 0), min(y + 2, kept.shape[0])):
-        for column in range(max(x - 1, 0), min(x + 2, kept.shape[1])):
-            if kept[row, column] >= _ACCEPTED:
-                return True
-    return False
+    for row in range(max(y - 1, 0), min(y + 2, flags.shape[0])):
+        for column in range(max(x - 1, 0), min(x + 2, flags.shape[1])):
+            count += flags[row, column] & bits != 0
+    return count
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
@@ -64,14 +56,14 @@ def _judge(
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _share_ray(
-    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, updated: U8, kept: U8, y: int, x: int,
+    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, flags: U8, y: int, x: int,
     delta: Slack,
 ) -> bool:  # fmt: skip
     """Whether 2x2 pixels from (x, y) on are all candidates on one surface that is not farther than the PBS."""
     near = far = codes[y, x]
     for row in range(y, y + 2):
         for column in range(x, x + 2):
-            if updated[row, column] == 0 or kept[row, column] != 0:
+            if flags[row, column] & (UPDATED | KEPT) != UPDATED:
                 return False
             near, far = max(near, codes[row, column]), min(far, codes[row, column])
     depth = 1.0 / (coding[0] + coding[1] * max(float(far), coding[3]))
@@ -82,15 +74,16 @@ def _share_ray(
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def accept_candidates(
-    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, updated: U8, kept: U8,
-    delta: Slack, blocks: I64, height: int, width: int, counts: I64,
+    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, flags: U8, delta: Slack, blocks: I64,
+    height: int, width: int, counts: I64,
 ) -> None:  # fmt: skip
     """The filter of Fig. 6b: an updated pixel is kept if its point is more than delta behind the farthest hit.
 
     Looks at blocks [n, 2] of height x width pixels (even) only, which must hold all updated ones. Four pixels on one
-    surface are first asked by one ray; only if it finds them new, or pixels beside them are, each gets its own. Clears
-    `updated` [h, w], but for lone pixels: these are candidates again next time. counts [n, 5]: candidates, accepted
-    ones, pixels that were kept before and have changed, lone ones, rays. coding as in `coverage.keep_farther`.
+    surface are first asked by one ray; only if it finds them new, or pixels beside them are, each gets its own. In
+    flags [h, w] (see `maximum_depth`) none is UPDATED afterwards but lone pixels: these are candidates again next time.
+    counts [n, 5]: candidates, accepted ones, pixels that were kept before and have changed, lone ones, rays. coding as
+    in `coverage.keep_farther`.
     """
     h, w = codes.shape
     for k in numba.prange(blocks.shape[0]):
@@ -98,54 +91,53 @@ def accept_candidates(
         top, left = blocks[k, 0] * height, blocks[k, 1] * width
         for y in range(top, min(top + height, h - 1), 2):
             for x in range(left, min(left + width, w - 1), 2):
-                if updated[y, x] == 1 and _share_ray(
-                    function, scene, camera, bounds, coding, codes, updated, kept, y, x, delta
+                if flags[y, x] & UPDATED != 0 and _share_ray(
+                    function, scene, camera, bounds, coding, codes, flags, y, x, delta
                 ):
-                    updated[y : y + 2, x : x + 2] = _SPARED
+                    for row in (y, y + 1):
+                        flags[row, x] |= _SPARED
+                        flags[row, x + 1] |= _SPARED
                     counts[k, 4] += 1
         for y in range(top, min(top + height, h)):
             for x in range(left, min(left + width, w)):
-                if updated[y, x] == 0:
+                if flags[y, x] & UPDATED == 0:
                     continue
                 counts[k, 0] += 1
-                if updated[y, x] == _SPARED:
-                    continue
-                updated[y, x] = 0
-                if kept[y, x] != 0:
+                if flags[y, x] & KEPT != 0:
+                    flags[y, x] ^= UPDATED
                     counts[k, 2] += 1
-                    continue
-                kept[y, x] = _judge_pixel(function, scene, camera, bounds, coding, codes, y, x, delta)
-                counts[k, 4] += 1
-    for k in numba.prange(blocks.shape[0]):
-        top, left = blocks[k, 0] * height, blocks[k, 1] * width
-        for y in range(top, min(top + height, h)):
-            for x in range(left, min(left + width, w)):
-                if updated[y, x] == _SPARED:
-                    updated[y, x] = _BESIDE if _beside_accepted(kept, y, x) else 0
-    for k in numba.prange(blocks.shape[0]):
-        top, left = blocks[k, 0] * height, blocks[k, 1] * width
-        for y in range(top, min(top + height, h)):
-            for x in range(left, min(left + width, w)):
-                if updated[y, x] == _BESIDE:
-                    updated[y, x] = 0
-                    kept[y, x] = _judge_pixel(function, scene, camera, bounds, coding, codes, y, x, delta)
+                elif flags[y, x] & _SPARED == 0:
+                    flags[y, x] ^= UPDATED | _judge_pixel(function, scene, camera, bounds, coding, codes, y, x, delta)
                     counts[k, 4] += 1
     for k in numba.prange(blocks.shape[0]):
         top, left = blocks[k, 0] * height, blocks[k, 1] * width
         for y in range(top, min(top + height, h)):
             for x in range(left, min(left + width, w)):
-                if kept[y, x] == _ACCEPTED and _neighbours(kept, y, x) >= _NEIGHBOURS:
-                    kept[y, x] = _CONFIRMED  # still not zero, which is all that its neighbours ask
+                if flags[y, x] & _SPARED != 0 and _around(flags, y, x, _ACCEPTED | _CONFIRMED) == 0:
+                    flags[y, x] ^= UPDATED | _SPARED
     for k in numba.prange(blocks.shape[0]):
         top, left = blocks[k, 0] * height, blocks[k, 1] * width
         for y in range(top, min(top + height, h)):
             for x in range(left, min(left + width, w)):
-                if kept[y, x] == _CONFIRMED:
-                    kept[y, x] = 1
+                if flags[y, x] & _SPARED != 0:
+                    flags[y, x] ^= UPDATED | _SPARED
+                    flags[y, x] |= _judge_pixel(function, scene, camera, bounds, coding, codes, y, x, delta)
+                    counts[k, 4] += 1
+    for k in numba.prange(blocks.shape[0]):
+        top, left = blocks[k, 0] * height, blocks[k, 1] * width
+        for y in range(top, min(top + height, h)):
+            for x in range(left, min(left + width, w)):
+                if flags[y, x] & _ACCEPTED != 0 and _around(flags, y, x, KEPT | _ACCEPTED | _CONFIRMED) > _NEIGHBOURS:
+                    flags[y, x] ^= _ACCEPTED | _CONFIRMED
+    for k in numba.prange(blocks.shape[0]):
+        top, left = blocks[k, 0] * height, blocks[k, 1] * width
+        for y in range(top, min(top + height, h)):
+            for x in range(left, min(left + width, w)):
+                if flags[y, x] & _CONFIRMED != 0:
+                    flags[y, x] ^= _CONFIRMED | KEPT
                     counts[k, 1] += 1
-                elif kept[y, x] == _ACCEPTED:
-                    kept[y, x] = 0
-                    updated[y, x] = 1
+                elif flags[y, x] & _ACCEPTED != 0:
+                    flags[y, x] ^= _ACCEPTED | UPDATED
                     counts[k, 3] += 1
 
 
@@ -193,8 +185,11 @@ def paint_triangles(uv: F32, triangles: I32, invalid: U8, wraps: bool, erase: bo
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def clear_culled(uv: F32, triangles: I32, invalid: U8, wraps: bool, numbers: I32, kept: U8) -> None:
-    """A pixel of an invalid triangle that no valid one touches (numbers: see `paint_triangles`) is kept no longer."""
+def clear_culled(uv: F32, triangles: I32, invalid: U8, wraps: bool, numbers: I32, flags: U8) -> None:
+    """A pixel of an invalid triangle that no valid one touches (numbers: see `paint_triangles`) is kept no longer.
+
+    flags [h, w]: see `maximum_depth`.
+    """
     h, w = numbers.shape
     for i in numba.prange(triangles.shape[0]):
         if invalid[i] == 0:
@@ -205,7 +200,7 @@ def clear_culled(uv: F32, triangles: I32, invalid: U8, wraps: bool, numbers: I32
         for y in range(max(y0, 0), min(y1, h)):
             for x in range(x0, x1):
                 if (wraps or (x >= 0 and x < w)) and numbers[y, x % w] < 0 and _covers(uv, a, b, c, x, y):
-                    kept[y, x % w] = 0
+                    flags[y, x % w] &= ~KEPT
 
 
 @numba.njit(inline="always", cache=True)
