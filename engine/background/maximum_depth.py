@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
 from ..camera import Camera, Equirectangular
 from ..colour import toned_texture
+from ..depth import DepthCoding
 from ..frame import Texture, View
 from ..kernels.maximum_depth import (
     KEPT,
     PHASES,
     TILE,
     fuse_maximum_depth,
-    prepare_maximum_depth,
+    mark_provisional,
+    prepare_limits,
     settle_points,
     update_maximum_depth,
 )
@@ -49,7 +53,6 @@ class MaximumDepthImage:
         self.texture = toned_texture(view.texture, tone)
         self.flags = np.zeros(self.codes.shape, np.uint8)
         self.fused = np.empty((0, 0), np.uint8)
-        self._by_code = np.empty(1 << 16, np.uint16)  # below which a new code is farther
         self._edge = edge
         self._number = 0  # of the last view taken
         self._turn = 0  # of the last one that was looked at whole
@@ -61,8 +64,11 @@ class MaximumDepthImage:
 
     def compare_by(self, tolerances: Tolerances) -> None:
         """Sets what a nontrivial amount is."""
-        self._rules = _rules(self.camera, tolerances, self._edge)
-        prepare_maximum_depth(self.codes, self._rules, self._by_code, self.flags)
+        coding = self.camera.depth
+        margins = tolerances.margin_m, tolerances.margin_disparity(coding)
+        edge = min(round(self._edge / coding.step), coding.max_code)
+        self._rules, self._by_code = _comparison(coding, *margins, edge)
+        mark_provisional(self.codes, self._rules, self.flags)
 
     def update(self, view: View, tone: npt.ArrayLike = IDENTITY, *, whole: bool = True) -> int:
         """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels.
@@ -120,12 +126,15 @@ class MaximumDepthImage:
         return [*addresses, self.camera.width, self.camera.height, int(wraps), int(self._rules[5])]
 
 
-def _rules(camera: Camera, tolerances: Tolerances, edge: float) -> npt.NDArray[np.float64]:  # [9]
-    """What `kernels.maximum_depth` compares by; it adds the last three."""
-    coding = camera.depth
-    edge_codes = min(round(edge / coding.step), coding.max_code)
-    margins = tolerances.margin_m, tolerances.margin_disparity(coding)
-    return np.array([coding.offset, coding.step, float(coding.has_invalid), *margins, edge_codes, 0.0, 0.0, 0.0])
+@lru_cache(maxsize=1)
+def _comparison(
+    coding: DepthCoding, margin_m: float, margin_disparity: float, edge: int
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint16]]:  # [9], [65536]
+    """What `kernels.maximum_depth` compares by: rules, and every code's limit. A rig's cameras mostly share them."""
+    by_code = np.empty(1 << 16, np.uint16)
+    rules = np.array([coding.offset, coding.step, float(coding.has_invalid), margin_m, margin_disparity, edge, 0, 0, 0])
+    prepare_limits(rules, by_code)
+    return rules, by_code
 
 
 def _planes(texture: Texture) -> tuple[npt.NDArray[np.uint16], ...]:

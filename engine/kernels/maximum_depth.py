@@ -24,7 +24,8 @@ __all__ = [
     "UPDATED",
     "farther_than",
     "fuse_maximum_depth",
-    "prepare_maximum_depth",
+    "mark_provisional",
+    "prepare_limits",
     "settle_points",
     "update_maximum_depth",
 ]
@@ -87,8 +88,13 @@ def _limit(code: int, rules: F64) -> int:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _prepare_limits(rules: F64, by_code: U16) -> None:
-    """Fills by_code [65536], every code's limit, and the last three of rules [9]: see `prepare_maximum_depth`."""
+def prepare_limits(rules: F64, by_code: U16) -> None:
+    """Fills by_code [65536], every code's limit, and the last three of rules [9].
+
+    rules: offset, step, smallest valid code (0 or 1), margins in metres and 1/m, depth edge in codes; then least, bend,
+    shift: what is farther than a code, less the smallest valid one, differs from it by least + (max(code - bend, 0) >>
+    shift) codes or more.
+    """
     lowest, least = int(rules[2]), 65535
     for code in range(65536):
         by_code[code] = _limit(code, rules)
@@ -105,15 +111,9 @@ def _prepare_limits(rules: F64, by_code: U16) -> None:
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def prepare_maximum_depth(codes: U16, rules: F64, by_code: U16, flags: U8) -> None:
-    """Fills by_code [65536], every code's limit, and the last three of rules; sets which colours are provisional.
-
-    They are where something nearer may be mixed in. flags [h, w]; rules [9]: offset, step, smallest valid code (0 or
-    1), margins in metres and 1/m, depth edge in codes; then least, bend, shift: what is farther than a code, less the
-    smallest valid one, differs from it by least + (max(code - bend, 0) >> shift) codes or more.
-    """
+def mark_provisional(codes: U16, rules: F64, flags: U8) -> None:
+    """Sets in flags [h, w] which colours are provisional: those into which something nearer may be mixed."""
     h, w = codes.shape
-    _prepare_limits(rules, by_code)
     for row in numba.prange(h):
         y = int(np.int64(row))
         nearest = np.empty(w, np.uint16)  # of a pixel, the one above and the one below
@@ -131,7 +131,7 @@ def prepare_maximum_depth(codes: U16, rules: F64, by_code: U16, flags: U8) -> No
 
 @numba.njit(inline="always", cache=True)
 def _perhaps_farther(new: np.uint16, code: np.uint16, margins: Margins) -> np.uint16:
-    """0 where a new code is not farther than another, by what margins are at least (see `prepare_maximum_depth`).
+    """0 where a new code is not farther than another, by what margins are at least (see `prepare_limits`).
 
     Without a table and in 16 bits, so that it is vectorised. Invalid codes wrap to the largest: as a new one that is
     never farther; where nothing was seen before anything is.
@@ -217,7 +217,7 @@ def update_maximum_depth(
     calls is missed, and what is as high as a block is found at once.
 
     codes, y, flags, fused [h, w]; cb, cr [(h + 1) // 2, (w + 1) // 2]; before, counts: pixels updated per block in the
-    call before and in this one; by_code, rules: as `prepare_maximum_depth` leaves them. UPDATED is set there and never
+    call before and in this one; by_code, rules: as `prepare_limits` leaves them. UPDATED is set there and never
     cleared, `fused` (unless it has no elements) becomes 1. A provisional colour is replaced when the same surface is
     seen away from depth edges: looked at once within PHASES calls; then where something has changed, and in one pair of
     rows a `turn`, which counts up.
