@@ -78,8 +78,8 @@ def flag_hidden(
     some points of it, or what lies less than the slack before it; and so does what lies within CELL to 2 CELL pixels
     of it in its picture. This is a sampled answer. Wrongly lost may be what heads between the eyes see through a gap
     narrower than that, farther from the gap's sides than those pixels; and what is hidden now by something that is
-    taken for background and will go away, where the views do not show it then. Each may leave a hole in the
-    background, nothing else.
+    taken for background and will go away, where the views do not show it then: holes in the background. And what is not
+    kept cannot show, behind something new, that this is foreground.
     """
     eyes, rays, hidden, found = space.eyes(), 0, 0, []
     for camera, surface in surfaces:
