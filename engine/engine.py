@@ -373,10 +373,10 @@ class Engine:
     ) -> int:
         """Lay a viewer's backdrop behind the chosen views; returns the number of triangles."""
         assert self._model is not None
-        near, push = _NEAR * front.scene.coding.near, front.settings.backdrop_m
-        if push is None:
-            push = self._model.delta  # section 3.4.2: moved backwards by delta
-        holes_only, slack = not front.settings.overdraw, self._model.tolerances.slack
+        near, slack = _NEAR * front.scene.coding.near, self._model.tolerances.slack
+        # Section 3.4.2: moved backwards by delta.
+        push = slack if front.settings.backdrop_m is None else (front.settings.backdrop_m, 0.0)
+        holes_only = not front.settings.overdraw
         return canvas.draw_backdrop(backdrop, front.present, chosen, target, near, push, slack, holes_only=holes_only)
 
     def _smooth_silhouettes(

@@ -46,11 +46,11 @@ class Rasteriser:
         self._nearer = np.empty(0, np.uint8)
 
     def draw(
-        self, mesh: Mesh, target: Target, number: int, near: float, margin: float, push: float,
+        self, mesh: Mesh, target: Target, number: int, near: float, margin: float,
         disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8], tiles: Tiles,
         open_tiles: Tiles = EVERYWHERE,
     ) -> int:  # fmt: skip
-        """Draw a mesh as view `number` where it is nearer by `margin` (1/m), moved away by `push` metres.
+        """Draw a mesh as view `number` where it is nearer by `margin` (1/m).
 
         disparity, winner [h, w]. `tiles`, `open_tiles`: from `tiles.new_tiles`, where triangles are drawn and where a
         later view's may win (`kernels.sorting`), or EVERYWHERE. Returns the number of triangles drawn.
@@ -79,7 +79,7 @@ class Rasteriser:
             )
             spherical.draw_bands(
                 screen, mesh.triangles, camera, target.columns, target.rows, self._band_rows, self._counts, lists,
-                number, margin, push, disparity, winner,
+                number, margin, disparity, winner,
             )  # fmt: skip
             return int(drawn.sum())
         kernels.sort(
@@ -87,7 +87,7 @@ class Rasteriser:
             nearer, self._counts, lists, drawn,
         )  # fmt: skip
         kernels.draw(
-            screen, mesh.triangles, camera, near, self._band_rows, self._counts, lists, number, margin, push,
+            screen, mesh.triangles, camera, near, self._band_rows, self._counts, lists, number, margin,
             disparity, winner,
         )  # fmt: skip
         return int(drawn.sum())

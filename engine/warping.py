@@ -102,7 +102,7 @@ class Canvas:
         if tiles.size and not tiles.any():
             return 0
         return self._rasteriser.draw(
-            mesh, target, number, near, margin, 0.0, self.disparity, self.winner, tiles, open_tiles
+            mesh, target, number, near, margin, self.disparity, self.winner, tiles, open_tiles
         )
 
     def draw_holes(self, part: Part, views: Sequence[PreparedView], target: Target, near: float) -> int:
@@ -115,9 +115,9 @@ class Canvas:
 
     def draw_backdrop(
         self, backdrop: PreparedView, present: ViewTable, drawn: Sequence[int], target: Target, near: float,
-        push: float, slack: Slack, *, holes_only: bool = False,
+        push: Slack, slack: Slack, *, holes_only: bool = False,
     ) -> int:  # fmt: skip
-        """Lay a backdrop behind what was drawn, `push` metres farther away than it is (section 3.4.2).
+        """Lay a backdrop behind what was drawn, by `push` farther away than it is (section 3.4.2).
 
         What one of the present views looks through is a ghost of the past and left out; where one that is not among
         `drawn` has a surface on a hole's ray before the backdrop's, that is what is seen (`kernels.composite`). With
@@ -127,13 +127,13 @@ class Canvas:
         self._backdrop.fill(0.0)
         number = len(drawn)
         triangles = self._rasteriser.draw(
-            backdrop.mesh(), target, number, near, 0.0, push, self._backdrop, self._nobody, tiles
+            backdrop.mesh(), target, number, near, 0.0, self._backdrop, self._nobody, tiles
         )
         if self._marks is not None:
             antialias.keep_marked(self._marks, self._backdrop)
         composite.lay_backdrop(
-            self._backdrop, target.packed, present.rows, present.addresses, _others(present, drawn, target), slack,
-            number, self.disparity, self.winner,
+            self._backdrop, target.packed, present.rows, present.addresses, _others(present, drawn, target), push,
+            slack, number, self.disparity, self.winner,
         )  # fmt: skip
         return triangles
 

@@ -439,6 +439,8 @@ def test_the_papers_delta_is_one_length_whatever_codes_and_noise_are():
         assert found.delta_at(depth) == noisy.delta_at(depth) == 0.2
     by_hand = scene_tolerances([view], Settings(delta_m=0.1, delta_disparity=0.05, margin_m=0.03))
     assert (by_hand.delta_at(1.0), by_hand.delta_at(4.0), by_hand.margin_m) == (0.1, 0.8, 0.03)
+    depths = np.array([0.5, 1.0, 2.0, 4.0, 30.0])
+    np.testing.assert_allclose(by_hand.before_delta(depths + by_hand.delta_at(depths)), depths)
 
 
 @pytest.mark.parametrize("name", ["delta_m", "delta_disparity", "margin_m", "backdrop_m"])

@@ -30,12 +30,12 @@ def flat(depth, *, camera=HERE, luma=500):
     return PreparedView(View(camera, texture_of(np.full(shape, luma)), codes), TriangulationOptions(0.0, 0.2), ORIGIN)
 
 
-def layered(live, backdrop, present, *, push=PUSH):
+def layered(live, backdrop, present, *, push=PUSH, curve=0.0):
     """A canvas with a live wall, where there is one, and a backdrop behind it."""
     canvas, target = Canvas(HERE.width, HERE.height), Target(HERE, ORIGIN)
     if live is not None:
         canvas.draw(flat(live).mesh(), target, 0, 0.01, 0.0)
-    canvas.draw_backdrop(flat(backdrop), ViewTable([flat(present)]), [0], target, 0.01, push, (push, 0.0))
+    canvas.draw_backdrop(flat(backdrop), ViewTable([flat(present)]), [0], target, 0.01, (push, curve), (push, curve))
     return canvas
 
 
@@ -47,6 +47,20 @@ def test_holes_are_filled_and_the_backdrop_is_pushed_back():
     np.testing.assert_allclose(canvas.disparity[INNER], 1 / (3.0 + PUSH), rtol=1e-4)
     assert (canvas.winner[INNER] == 1).all()
     np.testing.assert_allclose(layered(None, 3.0, np.nan, push=0.0).disparity[INNER], 1 / 3.0, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("depth", "moved"), [(2.0, 0.1), (4.0, 0.32)])
+def test_the_push_follows_depth(depth, moved):
+    """0.1 m, or an error of 0.02 of disparity where that is more."""
+    canvas = layered(None, depth, np.nan, curve=0.02)
+    np.testing.assert_allclose(canvas.disparity[INNER], 1 / (depth + moved), rtol=1e-4)
+
+
+@pytest.mark.parametrize(("live", "hides"), [(7.5, False), (8.2, True)])
+def test_far_away_only_what_is_nearer_by_the_slack_there_hides(live, hides):
+    """A backdrop at 6 m is moved by 0.72 m, and must from there be nearer by 0.9 m and 3 %."""
+    canvas = layered(live, 6.0, 6.0, curve=0.02)
+    assert (canvas.winner[INNER] == (1 if hides else 0)).all()
 
 
 def test_holes_alone_are_filled():
@@ -81,7 +95,7 @@ def test_a_ghost_needs_all_texels_round_it():
 def test_one_present_view_that_looks_through_is_enough():
     canvas, target = Canvas(HERE.width, HERE.height), Target(HERE, ORIGIN)
     present = ViewTable([flat(np.nan), flat(2.0), flat(6.0)])
-    canvas.draw_backdrop(flat(3.0), present, range(3), target, 0.01, PUSH, (PUSH, 0.0))
+    canvas.draw_backdrop(flat(3.0), present, range(3), target, 0.01, (PUSH, 0.0), (PUSH, 0.0))
     assert (canvas.disparity[INNER] == 0).all()
 
 
@@ -129,7 +143,7 @@ def behind_someone(present, drawn, *, live=None):
     canvas, target = Canvas(HERE.width, HERE.height), Target(HERE, ORIGIN)
     if live is not None:
         canvas.draw(flat(live).mesh(), target, 0, 0.01, 0.0)
-    canvas.draw_backdrop(flat(4.0), ViewTable(present), drawn, target, 0.01, PUSH, (PUSH, 0.0))
+    canvas.draw_backdrop(flat(4.0), ViewTable(present), drawn, target, 0.01, (PUSH, 0.0), (PUSH, 0.0))
     return canvas
 
 

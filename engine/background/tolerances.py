@@ -66,6 +66,12 @@ class Tolerances:
         """delta at a depth, metres."""
         return np.maximum(self.delta_m, self.delta_disparity * np.square(depth_m))
 
+    def before_delta(self, depth_m: npt.NDArray[np.floating]) -> F64:
+        """Depths, metres, that are `depth_m` with their delta."""
+        curved = 2.0 * depth_m / (1.0 + np.sqrt(1.0 + 4.0 * self.delta_disparity * depth_m))
+        before: F64 = np.minimum(depth_m - self.delta_m, curved)
+        return before
+
     def margin_disparity(self, coding: DepthCoding) -> float:
         """The least nontrivial amount in a camera's disparities, 1/m."""
         return max(_MARGIN_STEPS * coding.step, _MARGIN_DEVIATIONS * self.noise)

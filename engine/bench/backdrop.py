@@ -106,8 +106,7 @@ def _wrong(picture: RenderedPicture, truth: View, model: BackgroundModel) -> tup
     padded = np.pad(there, 1, mode="edge")
     around = [padded[y : y + h, x : x + w] for y, x in product(range(3), range(3))]
     backdrop = (picture.winner == len(picture.report.views)) & ~picture.holes()
-    with np.errstate(divide="ignore"):
-        depth = np.where(backdrop, 1.0 / picture.disparity - model.delta, np.nan)  # it was pushed back
+    depth = model.tolerances.before_delta(1.0 / np.where(backdrop, picture.disparity, np.nan))  # it was pushed back
     delta = model.tolerances.delta_at(there)
     return depth > np.max(around, axis=0) + delta, depth < np.min(around, axis=0) - delta
 

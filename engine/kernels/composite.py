@@ -43,18 +43,28 @@ def _present(
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
 def _may_show(q: Any, live: Any, slack: Any) -> Any:
-    """Whether a backdrop's disparity q shows, as far as depths alone tell: 1 / q <= (1 - _NEARER) / live - slack where
-    something was drawn. Of numbers or vectors."""
-    return (q > 0.0) & (live <= q * ((1.0 - _NEARER) - slack * live))
+    """Whether a backdrop's disparity q shows, as far as depths alone tell: 1 / q <= (1 - _NEARER) / live less the slack
+    at 1 / q where something was drawn. Of numbers or vectors; slack: of such."""
+    most = (1.0 - _NEARER) * q * q
+    return (q > 0.0) & (live * (q + slack[0] * q * q) <= most) & (live * (q + slack[1]) <= most)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _first_to_ask(backdrop: F32, disparity: F32, slack: float, x: int) -> int:
+def _push_away(row: F32, push: Slack) -> None:
+    """Moves disparities of a row farther away."""
+    metres, disparity = np.float32(push[0]), np.float32(push[1])
+    for x in range(row.shape[0]):
+        q = row[x]
+        row[x] = q * q / (q + max(metres * q * q, disparity)) if q > np.float32(0.0) else np.float32(0.0)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _first_to_ask(backdrop: F32, disparity: F32, slack: Slack, x: int) -> int:
     """The first pixel of a row, from x on, of sixteen pixels of which one may show the backdrop."""
-    last = disparity.shape[0] - LANES
+    last, around = disparity.shape[0] - LANES, (np.float32(slack[0]), np.float32(slack[1]))
     while x <= last:
         q, live = load(backdrop.ctypes.data, x), load(disparity.ctypes.data, x)
-        if any_of(_may_show(q, live, np.float32(slack))):
+        if any_of(_may_show(q, live, around)):
             return x
         x += LANES
     return x
@@ -90,10 +100,11 @@ def _lay_pixel(
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def lay_backdrop(
-    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: Slack, number: int,
+    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, push: Slack, slack: Slack, number: int,
     disparity: F32, winner: U8,
 ) -> None:  # fmt: skip
-    """Take the backdrop's disparity where nothing was drawn or where it is clearly nearer, as view `number`.
+    """Move the backdrop away by `push`, and take its disparity, as view `number`, where nothing was drawn or where it
+    is clearly nearer.
 
     Not taken is what is a ghost of the past: a surface through which one of the table's (present) views looks, beside
     whose outline even, if it would hide something.
@@ -105,11 +116,12 @@ def lay_backdrop(
     h, w = disparity.shape
     for row in numba.prange(h):
         y = np.int64(row)
-        x = _first_to_ask(backdrop[y], disparity[y], slack[0], 0)
+        _push_away(backdrop[y], push)
+        x = _first_to_ask(backdrop[y], disparity[y], slack, 0)
         while x < w:
             for column in range(x, min(x + LANES, w)):
-                if _may_show(np.float64(backdrop[y, column]), np.float64(disparity[y, column]), slack[0]):
+                if _may_show(np.float64(backdrop[y, column]), np.float64(disparity[y, column]), slack):
                     _lay_pixel(
                         backdrop, camera, table, addresses, order, slack, number, disparity, winner, y, column
                     )
-            x = _first_to_ask(backdrop[y], disparity[y], slack[0], x + LANES)
+            x = _first_to_ask(backdrop[y], disparity[y], slack, x + LANES)

@@ -54,7 +54,7 @@ def _clip(screen: F32, corners: I32, camera: F64, near: float, polygon: F32) -> 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _draw_clipped(
     screen: F32, triangle: I32, camera: F64, near: float, first: int, last: int,
-    view: int, margin: float, push: float, disparity: F32, winner: U8,
+    view: int, margin: float, disparity: F32, winner: U8,
 ) -> None:  # fmt: skip
     """Draw the one or two triangles that are left of one that crosses the plane of the eye."""
     polygon, ready = np.empty((4, 4), np.float32), np.empty(SET_UP_SIZE, np.float32)
@@ -66,18 +66,18 @@ def _draw_clipped(
         w, h, ready.ctypes.data,
     )  # fmt: skip
     for lane in range(count):
-        draw_triangle(ready.ctypes.data, lane, disparity.ctypes.data, winner.ctypes.data, w, margin, push, view)
+        draw_triangle(ready.ctypes.data, lane, disparity.ctypes.data, winner.ctypes.data, w, margin, view)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _draw_listed(
     screen: F32, triangles: I32, listed: I32, count: int, camera: F64, near: float, first: int, last: int,
-    view: int, margin: float, push: float, disparity: F32, winner: U8, ready: F32,
+    view: int, margin: float, disparity: F32, winner: U8, ready: F32,
 ) -> None:  # fmt: skip
     """Draw the first `count` listed triangles into rows first to last; ready [SET_UP_SIZE] is room."""
     h, w = disparity.shape
     second, at = winding(camera), listed.ctypes.data
-    near_, margin_, push_ = np.float32(near), np.float32(margin), np.float32(push)
+    near_, margin_ = np.float32(near), np.float32(margin)
     for k in range(0, count, LANES):
         n = min(LANES, count - k)
         set_up(
@@ -88,20 +88,19 @@ def _draw_listed(
             if row_count(ready.ctypes.data, lane) == CLIPPED:
                 triangle = triangles[listed[k + lane]]
                 _draw_clipped(
-                    screen, triangle, camera, near, first, last, view, margin_, push_, disparity, winner
+                    screen, triangle, camera, near, first, last, view, margin_, disparity, winner
                 )
             else:
                 draw_triangle(
-                    ready.ctypes.data, lane, disparity.ctypes.data, winner.ctypes.data, w, margin_, push_, view
+                    ready.ctypes.data, lane, disparity.ctypes.data, winner.ctypes.data, w, margin_, view
                 )
 
 
 def _draw_bands(
     screen: F32, triangles: I32, camera: F64, near: float, band_rows: int, counts: I64, lists: I32, view: int,
-    margin: float, push: float, disparity: F32, winner: U8,
+    margin: float, disparity: F32, winner: U8,
 ) -> None:  # fmt: skip
-    """Draw sorted triangles; `margin` is the disparity by which a drawn surface must be beaten, `push` metres
-    move the mesh away from the eye (the backdrop's offset)."""
+    """Draw sorted triangles; `margin` is the disparity by which a drawn surface must be beaten."""
     bands, height = counts.shape[1], disparity.shape[0]
     for task in numba.prange(bands):
         # Neighbouring tasks go to one thread: deal the bands out so that each gets some of every region.
@@ -112,7 +111,7 @@ def _draw_bands(
         for chunk in range(counts.shape[0]):
             _draw_listed(
                 screen, triangles, lists[chunk, band], counts[chunk, band], camera, near, first, last,
-                view, margin, push, disparity, winner, ready,
+                view, margin, disparity, winner, ready,
             )  # fmt: skip
 
 

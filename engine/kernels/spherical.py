@@ -102,7 +102,7 @@ def _side(p: Direction, r: Direction, camera: F64) -> tuple[float, float, float,
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _draw_triangle(
     a: Direction, b: Direction, c: Direction, camera: F64, columns: F32, rows: F32, first: int, last: int,
-    view: int, margin: float, push: float, disparity: F32, winner: U8,
+    view: int, margin: float, disparity: F32, winner: U8,
 ) -> None:  # fmt: skip
     """Draw rows first to last on the sphere: a pixel is inside where its direction is on the inner side of three
     planes."""
@@ -133,7 +133,6 @@ def _draw_triangle(
                 and ca[0] * dx + ca[1] * dy + ca[2] * z >= ca[3]
             ):
                 q = (nx * dx + ny * dy + nz * z) * inverse
-                q = q / (1.0 + push * q)
                 if q > disparity[y, x] + (margin if disparity[y, x] > 0.0 else 0.0):
                     disparity[y, x] = q
                     winner[y, x] = view
@@ -164,7 +163,7 @@ def sort_into_bands(
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def draw_bands(
     screen: F32, triangles: I32, camera: F64, columns: F32, rows: F32, band_rows: int, counts: I64, lists: I32,
-    view: int, margin: float, push: float, disparity: F32, winner: U8,
+    view: int, margin: float, disparity: F32, winner: U8,
 ) -> None:  # fmt: skip
     """As `rasterise.draw_bands`; columns [w, 2] and rows [h, 2] are the cosines and sines of the picture's azimuths and
     elevations."""
@@ -176,5 +175,5 @@ def draw_bands(
                 a, b, c = triangles[lists[chunk, band, k]]
                 _draw_triangle(
                     _direction(screen, a), _direction(screen, b), _direction(screen, c), camera, columns, rows,
-                    first, last, view, margin, push, disparity, winner,
+                    first, last, view, margin, disparity, winner,
                 )  # fmt: skip

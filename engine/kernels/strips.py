@@ -167,7 +167,7 @@ def row_count(ready: int, lane: int) -> int:
 @numba.njit(forceinline=True, cache=True, error_model="numpy")
 def _draw_strip(
     disparity: int, winner: int, width: int, column: Floats, within: Truths, whole: bool, rows: int, ready: int,
-    lane: int, margin: float, push: float, view: int,
+    lane: int, margin: float, view: int,
 ) -> None:  # fmt: skip
     """Draw rows of a strip from the addresses of its first pixel on, at these columns of the triangle where it is
     `within` them; only a strip that is `whole` has sixteen."""
@@ -181,8 +181,6 @@ def _draw_strip(
     y, at = spread(0.0), 0  # a vector: a number would be spread again for each product
     for _ in range(rows):
         q = minimum(maximum(down_q * y + first_q, least), most)
-        if push > 0.0:
-            q = q / (push * q + 1.0)
         inside = within & (down_a * y + first_a >= 0.0) & (down_b * y + first_b >= 0.0) & (down_c * y + first_c >= 0.0)
         before = load(disparity, at) if whole else load_where(disparity, at, inside)
         wins = inside & (q > select(before > 0.0, before + margin, 0.0))
@@ -197,13 +195,12 @@ def _draw_strip(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def draw_triangle(
-    ready: int, lane: int, disparity: int, winner: int, width: int, margin: float, push: float, view: int
+    ready: int, lane: int, disparity: int, winner: int, width: int, margin: float, view: int
 ) -> None:
     """Draw one of the triangles that `set_up` prepared into a picture `width` columns wide.
 
     disparity, winner: addresses of C-contiguous [h, w] arrays: of disparity (float32, 0 where nothing was drawn) and of
-    the number of the view that won (uint8). What was drawn must be beaten by `margin`; `push` metres move what is drawn
-    away.
+    the number of the view that won (uint8). What was drawn must be beaten by `margin`.
     """
     x0, y, rows = int(_get(ready, lane, _COLUMN)), int(_get(ready, lane, _ROW)), row_count(ready, lane)
     columns = _get(ready, lane, _COLUMNS)
@@ -213,5 +210,5 @@ def draw_triangle(
         at = y * width + x
         _draw_strip(
             disparity + 4 * at, winner + at, width, column, within, x + LANES <= width, rows, ready, lane,
-            margin, push, view,
+            margin, view,
         )  # fmt: skip
