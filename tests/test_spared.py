@@ -35,6 +35,14 @@ def test_memory_is_far_below_all_that_was_seen(rows: dict[tuple[str, str], Spare
     assert growth.left < 0.1 * growth.all
 
 
+def test_a_pixel_costs_what_the_scene_requires(rows: dict[tuple[str, str], Spared]) -> None:
+    noisy = ("painter", "memory of a camera's pixel, noisy depth") in rows
+    assert noisy == all(scene.startswith("painter") for scene, _what in rows)  # the museum's is exact
+    for still in (False, True):  # a frame that stays does not flicker
+        row = named(rows, "memory of a camera's pixel", still)
+        assert (row.all, row.left) == (11, 7 if noisy and not still else 6)
+
+
 def test_a_viewing_space_never_needs_more(rows: dict[tuple[str, str], Spared]) -> None:
     for what in ("triangles of the S-PBS", "memory of its surfaces"):
         (row,) = (row for (_scene, name), row in rows.items() if name == what)

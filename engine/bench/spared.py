@@ -22,6 +22,9 @@ __all__ = ["Spared", "spared_rows"]
 
 _VIEWER = "head"
 _WITHIN_M = 0.3  # of its place the head stays, where that is declared
+# Bytes of a camera's pixel with all that there is to say of it: its code and the limit that follows from that, 4:2:0
+# colour, whether it has changed, is in the P-PBS, has a provisional colour, and of how many views it is the mean.
+_PIXEL = 2 + 2 + 3 + (1 + 1 + 1) + 1
 _SETTLED = 3  # frames of a run that are not counted: they compile, and first turns are dearer
 
 
@@ -137,6 +140,11 @@ def _memory_rows(name: str, twin: Twin, moving: _Run, static: _Run, frames: int)
     seen = 2.0 * pixels * frames / 1e6
     yield Spared(name, f"memory, of the depth of {frames} frames", seen, moving.memory[1] / 1e6, "MB")
     for kind, run in (("", moving), (", still", static)):
+        model = run.engine.model
+        assert model is not None
+        depth = "noisy" if model.tolerances.noise else "clean"
+        images = model.memory["images"]
+        yield Spared(name + kind, f"memory of a camera's pixel, {depth} depth", _PIXEL, images / pixels, "B")
         first, last = run.memory
         each = (seen / frames) * (frames - 1 - _SETTLED)
         what = f"growth from frame {_SETTLED} on, of the depth since"
