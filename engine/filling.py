@@ -53,9 +53,10 @@ def fill(
     holes = holes or HoleMap.of(disparity)
     places, index = holes.listed(disparity)
     depths, layer = np.empty((len(places), 2), np.float32), np.zeros(disparity.shape, np.int32)
-    structure.spread_depths(disparity, places, index, rise, depths)
+    rims = holes.rims(disparity, index)
+    structure.spread_depths(disparity, places, index, rims, rise, depths)
     if structured:
-        structure.continue_structure(disparity, places, index, depths, _LAYERS, *_DISC, layer, *planes)
+        structure.continue_structure(disparity, places, index, rims, depths, _LAYERS, *_DISC, layer, *planes)
     smooth = _smooth_level(disparity, planes, holes.neighbourhood(_BLOCK // TILE))
     kernels.fade_into_smooth(places, layer, smooth, _FADE_PX, disparity, *planes)
     return places

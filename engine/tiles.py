@@ -65,6 +65,11 @@ class HoleMap:
         kernels.list_holes(disparity, self.tiles, places, index)
         return places, index
 
+    def rims(self, disparity: F32, index: I32) -> I32:
+        """Numbers int32 [m], in `listed`'s index, of the holes that touch what was drawn, diagonally too."""
+        rims = np.empty(self.count, np.int32)
+        return rims[: kernels.list_rims(disparity, self.tiles, index, rims)]
+
     def neighbourhood(self, block: int) -> Tiles:
         """Blocks [rows, columns] of block x block tiles with holes, and those round them: 1, others 0."""
         rows, columns = (math.ceil(size / block) for size in self.tiles.shape)

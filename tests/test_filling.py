@@ -150,11 +150,13 @@ def test_a_picture_without_holes_stays_as_it_is():
 def continue_everywhere(disparity, luma, rise, layers):
     """Planes with as many layers of the holes coloured by the kernels as asked for, and which layer each is in."""
     disparity, planes = picture(disparity, luma)
-    places, index = HoleMap.of(disparity).listed(disparity)
+    holes = HoleMap.of(disparity)
+    places, index = holes.listed(disparity)
+    rims = holes.rims(disparity, index)
     depths = np.empty((len(places), 2), np.float32)
-    structure.spread_depths(disparity, places, index, rise, depths)
+    structure.spread_depths(disparity, places, index, rims, rise, depths)
     disc, layer = structure.disc_weights(2.5, 2.0), np.zeros(disparity.shape, np.int32)
-    structure.continue_structure(disparity, places, index, depths, layers, *disc, layer, *planes)
+    structure.continue_structure(disparity, places, index, rims, depths, layers, *disc, layer, *planes)
     return planes, layer
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from farside.engine.filling import fill
@@ -33,6 +35,22 @@ def test_holes_are_counted_and_listed(shape, share):
     places, index = holes.listed(disparity)
     np.testing.assert_array_equal(places, np.argwhere(disparity <= 0))
     np.testing.assert_array_equal(index[disparity <= 0], np.arange(len(places)))
+
+
+@pytest.mark.parametrize("kind", ["alone", "all but one", "half", "none"])
+@pytest.mark.parametrize("shape", [(90, 70), (40, 41), (7, 9)])
+def test_holes_that_touch_what_was_drawn_are_rims(shape, kind):
+    half = np.indices(shape)[1] < shape[1] // 2
+    drawn = {"alone": picture(shape, 0.02) <= 0, "half": half}.get(kind, np.zeros(shape, bool))
+    drawn[-1, -1] |= kind == "all but one"
+    disparity = np.where(drawn, 0.5, 0.0).astype(np.float32)
+    holes = HoleMap.of(disparity)
+    places, index = holes.listed(disparity)
+    grown = np.pad(drawn, 1)
+    near = np.zeros(shape, bool)
+    for y, x in itertools.product(range(3), range(3)):
+        near |= grown[y : y + shape[0], x : x + shape[1]]
+    assert sorted(map(tuple, places[holes.rims(disparity, index)])) == list(map(tuple, np.argwhere(near & ~drawn)))
 
 
 @pytest.mark.parametrize("shape", SHAPES)

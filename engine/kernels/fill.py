@@ -154,13 +154,15 @@ def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float
     i = min(max(math.floor(column), 0), max(coarse.shape[1] - 2, 0))
     nj, ni = min(j + 1, coarse.shape[0] - 1), min(i + 1, coarse.shape[1] - 1)
     fj, fi = min(max(row - j, 0.0), 1.0), min(max(column - i, 0.0), 1.0)
-    farthest = min(min(coarse[j, i, 1], coarse[j, ni, 1]), min(coarse[nj, i, 1], coarse[nj, ni, 1]))
+    qa, qb, qc, qd = coarse[j, i, 1], coarse[j, ni, 1], coarse[nj, i, 1], coarse[nj, ni, 1]
+    farthest, one = min(min(qa, qb), min(qc, qd)), qa == qb and qb == qc and qc == qd
     total, sum_y, sum_b, sum_r = 0.0, 0.0, 0.0, 0.0
     for k in range(4):
         a, b = (nj if k & 1 else j), (ni if k & 2 else i)
         # A little of every cell, so that one of any disparity stands alone where its weight is all there is.
         share = (fj if k & 1 else 1.0 - fj) * (fi if k & 2 else 1.0 - fi) + 1e-6
-        share *= max(_worth(coarse[a, b, 1], farthest), 1e-6)
+        if not one:
+            share *= max(_worth(coarse[a, b, 1], farthest), 1e-6)
         total += share
         sum_y += share * coarse[a, b, 2]
         sum_b += share * coarse[a, b, 3]

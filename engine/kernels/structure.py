@@ -6,8 +6,9 @@ picture's structure runs; the direction is measured at the rim and handed on inw
 contribute. A layer reads only the layers before it, so the result does not depend on any order within it.
 
 Holes are listed: places int32 [n, 2] are their rows and columns in reading order, and index int32 [h, w] has each
-one's number in that list (anything where something was drawn). depths float32 [n, 2] are disparities: of the
-farthest surface that may go on at a hole pixel, and of the nearest that may hide it.
+one's number in that list (anything where something was drawn); rims int32 [m] are the numbers of those that touch a
+pixel with something drawn to it. depths float32 [n, 2] are disparities: of the farthest surface that may go on at a
+hole pixel, and of the nearest that may hide it.
 """
 
 from __future__ import annotations
@@ -52,14 +53,15 @@ def disc_weights(radius: float, sharpness: float) -> tuple[I32, F32]:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def spread_depths(disparity: F32, places: I32, index: I32, rise: float, depths: F32) -> None:
+def spread_depths(disparity: F32, places: I32, index: I32, rims: I32, rise: float, depths: F32) -> None:
     """Write depths from the holes' rims: `rise` is how much disparity may differ between what goes on at a hole and
     what hides it, for each pixel that they are apart.
 
     The holes' own disparity becomes the negative of the farthest, or minus infinity where nothing nearer hides it.
     """
     h, w = disparity.shape
-    for n in range(places.shape[0]):
+    depths[:, 0], depths[:, 1] = np.inf, -np.inf
+    for n in rims:
         y, x = int(places[n, 0]), int(places[n, 1])
         farthest, nearest = np.float32(np.inf), np.float32(-np.inf)
         for v in range(max(y - 1, 0), min(y + 2, h)):
@@ -85,12 +87,15 @@ def _sweep(disparity: F32, places: I32, index: I32, rise: float, forward: bool, 
         n = m if forward else places.shape[0] - 1 - m
         y, x = int(places[n, 0]), int(places[n, 1])
         farthest, nearest = depths[n, 0], depths[n, 1]
-        for k in range(4):
-            v, u = (y, x + side) if k == 3 else (y + side, x + k - 1)
-            if 0 <= v < h and 0 <= u < w and disparity[v, u] <= 0.0:
-                other = index[v, u]
-                farthest = min(farthest, depths[other, 0] + rise)
-                nearest = max(nearest, depths[other, 1] - rise)
+        v = y + side
+        if 0 <= v < h:
+            for u in range(max(x - 1, 0), min(x + 2, w)):
+                if disparity[v, u] <= 0.0:
+                    farthest = min(farthest, depths[index[v, u], 0] + rise)
+                    nearest = max(nearest, depths[index[v, u], 1] - rise)
+        if 0 <= x + side < w and disparity[y, x + side] <= 0.0:  # the one just before it in the list
+            farthest = min(farthest, depths[n + side, 0] + rise)
+            nearest = max(nearest, depths[n + side, 1] - rise)
         changed |= farthest != depths[n, 0] or nearest != depths[n, 1]
         depths[n, 0], depths[n, 1] = farthest, nearest
     return changed
@@ -104,12 +109,12 @@ def _goes_on(disparity: F32, y: int, x: int, limit: float) -> bool:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _sort_into_layers(
-    disparity: F32, places: I32, index: I32, depths: F32, layers: int, layer: I32, order: I32
+    disparity: F32, places: I32, index: I32, rims: I32, depths: F32, layers: int, layer: I32, order: I32
 ) -> int:
     """layer [h, w], all 0: from 1 on in holes up to the last one; order [n]: holes by layer. Returns how many."""
     h, w = disparity.shape
     start, count = 0, 0
-    for n in range(places.shape[0]):
+    for n in rims:
         y, x = int(places[n, 0]), int(places[n, 1])
         for v in range(max(y - 1, 0), min(y + 2, h)):
             for u in range(max(x - 1, 0), min(x + 2, w)):
@@ -187,7 +192,7 @@ def _at_a_hole(disparity: F32, y: int, x: int) -> bool:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def continue_structure(
-    disparity: F32, places: I32, index: I32, depths: F32, layers: int, offsets: I32, weights: F32,
+    disparity: F32, places: I32, index: I32, rims: I32, depths: F32, layers: int, offsets: I32, weights: F32,
     layer: I32, luma: F32, chroma_b: F32, chroma_r: F32,
 ) -> None:  # fmt: skip
     """Colour the holes in the first `layers` layers; layer [h, w], given as all 0, then says which.
@@ -197,7 +202,7 @@ def continue_structure(
     h, w = disparity.shape
     order = np.empty(places.shape[0], np.int32)
     tensors = np.zeros((places.shape[0], 3), np.float32)
-    count = _sort_into_layers(disparity, places, index, depths, layers, layer, order)
+    count = _sort_into_layers(disparity, places, index, rims, depths, layers, layer, order)
     for m in range(count):
         n = order[m]
         y, x, limit = int(places[n, 0]), int(places[n, 1]), SAME * depths[n, 0]

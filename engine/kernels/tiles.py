@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["HOLE", "SILHOUETTE", "TILE", "count_holes", "list_holes", "mark_open_tiles", "recount_holes"]
+__all__ = ["HOLE", "SILHOUETTE", "TILE", "count_holes", "list_holes", "list_rims", "mark_open_tiles", "recount_holes"]
 
 TILE = 8  # pixels
 SILHOUETTE, HOLE = 1, 2  # marks of tiles (`mark_open_tiles`)
@@ -78,6 +78,42 @@ def list_holes(disparity: F32, tiles: U8, places: I32, index: I32) -> None:
                         places[n, 0], places[n, 1] = y, x
                         index[y, x] = n
                         n += 1
+
+
+@numba.njit(inline="always", cache=True)
+def _is_deep(tiles: U8, j: int, i: int) -> bool:
+    """Whether a tile and those round it are nothing but holes, as far as the picture goes."""
+    if tiles[j, i] < TILE * TILE:
+        return False
+    for b in range(max(j - 1, 0), min(j + 2, tiles.shape[0])):
+        for a in range(max(i - 1, 0), min(i + 2, tiles.shape[1])):
+            if tiles[b, a] < TILE * TILE:
+                return False
+    return True
+
+
+@numba.njit(cache=True, nogil=True)
+def list_rims(disparity: F32, tiles: U8, index: I32, rims: I32) -> int:
+    """rims [n]: numbers, in `index`, of the holes that touch a pixel with something drawn to it; returns how many.
+    tiles, index: of `count_holes` and `list_holes`."""
+    h, w = disparity.shape
+    count = 0
+    for j in range(tiles.shape[0]):
+        for i in range(tiles.shape[1]):
+            if tiles[j, i] == 0 or _is_deep(tiles, j, i):
+                continue
+            for y in range(TILE * j, min(TILE * (j + 1), h)):
+                for x in range(TILE * i, min(TILE * (i + 1), w)):
+                    if disparity[y, x] > np.float32(0.0):
+                        continue
+                    touches = False
+                    for v in range(max(y - 1, 0), min(y + 2, h)):
+                        for u in range(max(x - 1, 0), min(x + 2, w)):
+                            touches |= disparity[v, u] > np.float32(0.0)
+                    if touches:
+                        rims[count] = index[y, x]
+                        count += 1
+    return count
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
