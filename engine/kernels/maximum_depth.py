@@ -138,7 +138,8 @@ def _perhaps_farther(new: np.uint16, code: np.uint16, margins: Margins) -> np.ui
     """
     lowest, least, bend, shift = margins
     shifted, known = np.uint16(new - lowest), np.uint16(code - lowest)
-    margin = np.uint16(np.uint16(np.uint16(max(known, bend) - bend) >> (shift & 15)) + least)
+    beyond = np.uint16(np.uint16(max(known, bend) - bend) >> (shift & 15))  # the mask tells that 16 bits are enough
+    margin = np.uint16(beyond + least)
     nearest = np.uint16(min(shifted, np.uint16(~margin)) + margin)  # saturates
     return np.uint16((nearest <= known) & (shifted != np.uint16(65535)))
 
