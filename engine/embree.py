@@ -20,7 +20,7 @@ import numpy.typing as npt
 from .kernels.rays import mark_and_pass, skip_invalid
 from .threads import thread_count
 
-__all__ = ["EmbreeError", "MarkQuery", "Scene", "intersect_address"]
+__all__ = ["EmbreeError", "MarkQuery", "Scene", "intersect_address", "occluded_address"]
 
 _INDEX, _VERTEX, _UINT3, _FLOAT3 = 0, 1, 0x5003, 0x9003
 _LOW = 0  # build quality: a fifth of the time of the next better one, and rays take a tenth longer
@@ -67,6 +67,7 @@ def _library() -> Any:
         ),
         "SetGeometryUserData": (None, (pointer, pointer)),
         "SetGeometryIntersectFilterFunction": (None, (pointer, pointer)),
+        "SetGeometryOccludedFilterFunction": (None, (pointer, pointer)),
         "SetGeometryEnableFilterFunctionFromArguments": (None, (pointer, ctypes.c_bool)),
         "CommitGeometry": (None, (pointer,)),
         "AttachGeometryByID": (None, (pointer, pointer, uint)),
@@ -81,6 +82,11 @@ def _library() -> Any:
 def intersect_address() -> int:
     """The address of rtcIntersect1, as `kernels.rays.intersect1` takes it."""
     return int(ctypes.cast(_library().rtcIntersect1, ctypes.c_void_p).value or 0)
+
+
+def occluded_address() -> int:
+    """The address of rtcOccluded1, as `kernels.rays.is_free` takes it."""
+    return int(ctypes.cast(_library().rtcOccluded1, ctypes.c_void_p).value or 0)
 
 
 class Scene:
@@ -135,6 +141,7 @@ class Scene:
             self._share(geometry, _INDEX, _UINT3, triangles, len(triangles))
             self._call("SetGeometryUserData", geometry, invalid.ctypes.data)
             self._call("SetGeometryIntersectFilterFunction", geometry, skip_invalid.address)
+            self._call("SetGeometryOccludedFilterFunction", geometry, skip_invalid.address)
             self._call("SetGeometryEnableFilterFunctionFromArguments", geometry, True)
             self._call("CommitGeometry", geometry)
             self._call("AttachGeometryByID", self._scene, geometry, geometry_id)

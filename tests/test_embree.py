@@ -6,8 +6,8 @@ import pytest
 from farside.engine import threads
 from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.depth import DepthCoding
-from farside.engine.embree import EmbreeError, MarkQuery, Scene, intersect_address
-from farside.engine.kernels.rays import BESIDE_PX, INVALID_ID, farthest_hit, intersect1
+from farside.engine.embree import EmbreeError, MarkQuery, Scene, intersect_address, occluded_address
+from farside.engine.kernels.rays import BESIDE_PX, INVALID_ID, farthest_hit, intersect1, is_free
 from oracle.rays import farthest, hit_distances
 
 CODING = DepthCoding(0.1, 100.0)
@@ -28,6 +28,13 @@ def first_hit(function, scene, query, origin, direction):
         function, scene, query, origin[0], origin[1], origin[2], direction[0], direction[1], direction[2],
         np.float32(0.0), np.float32(1e6),
     )  # fmt: skip
+
+
+@numba.njit
+def free_rays(occluded, scene, origins, directions, far, result):
+    for i in range(len(origins)):
+        (ox, oy, oz), (dx, dy, dz) = origins[i], directions[i]
+        result[i] = is_free(occluded, scene, ox, oy, oz, dx, dy, dz, far)
 
 
 def height_field(n, depth, seed=0):
@@ -155,6 +162,22 @@ def test_a_marking_ray_passes_through_and_marks_all():
         expected = ~np.isnan(hit_distances(origin, direction, points, triangles)) & (k != 1)
         np.testing.assert_array_equal(marks[k][:, 1] == 1 << 63, expected)
         assert not marks[k][:, 0].any()
+
+
+def test_a_ray_is_free_up_to_what_is_there():
+    sheets = [height_field(5, x, seed=int(x)) for x in (2.0, 3.0, 4.0)]
+    scene, flags = scene_of(*sheets)
+    flags[0][:] = 1  # not there
+    rng = np.random.default_rng(3)
+    origins, directions = rng.uniform(-0.5, 0.5, (200, 3)), np.array([1.0, 0, 0]) + rng.uniform(-0.4, 0.4, (200, 3))
+    rays = list(zip(np.float32(origins), np.float32(directions), strict=True))
+    hits = np.array([np.concatenate([hit_distances(*ray, *sheet) for sheet in sheets[1:]]) for ray in rays])
+    nearest = np.nan_to_num(hits, nan=np.inf).min(axis=1)
+    for far in (2.0, 3.2, 5.0):
+        result = np.empty(200, bool)
+        free_rays(occluded_address(), scene.address, origins, directions, far, result)
+        np.testing.assert_array_equal(result, nearest > far)
+    assert 0 < result.sum() < 200
 
 
 def test_what_embree_refuses_is_raised():

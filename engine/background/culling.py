@@ -76,7 +76,7 @@ def mark_missed(
         if len(missed) and len(order):
             mesh = surface.mesh
             rays += mark_by_triangle(
-                pbs.intersect, pbs.scene, packed, order, _RUN if share else 0, pbs.bounds, mesh.points, mesh.uv,
+                pbs.occluded, pbs.scene, packed, order, _RUN if share else 0, pbs.bounds, mesh.points, mesh.uv,
                 mesh.triangles, missed, delta, surface.marks,
             )  # fmt: skip
             missed = missed[(surface.marks[missed] == 0).all(axis=1)]

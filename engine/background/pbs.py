@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..embree import Scene, intersect_address
+from ..embree import Scene, intersect_address, occluded_address
 from ..mesh import Mesh
 
 __all__ = ["ProbableBackgroundSurface", "Surface"]
@@ -60,7 +60,7 @@ class ProbableBackgroundSurface:
         # Tables that kernels read: addresses of marks and their stride; of triangles and uv, the camera, of points.
         self.marks_table = np.zeros((2 * camera_count, 2), np.int64)
         self.surface_table = np.zeros((2 * camera_count, 4), np.int64)
-        self.intersect = intersect_address()
+        self.intersect, self.occluded = intersect_address(), occluded_address()
         self.bounds = np.zeros((2, 3))
 
     @property

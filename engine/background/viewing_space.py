@@ -88,8 +88,8 @@ def flag_hidden(
         cells = np.zeros((math.ceil(camera.height / CELL), math.ceil(camera.width / CELL)), np.uint8)
         for some in (eyes[::_FEW], eyes):  # few see most, and what is beside need not be asked for
             rays += mark_seen(
-                pbs.intersect, pbs.scene, some, pbs.bounds, mesh.points, mesh.uv, mesh.triangles, surface.invalid,
-                pbs.surface_table, table, codes, slack, wraps, cells, seen,
+                pbs.intersect, pbs.occluded, pbs.scene, some, pbs.bounds, mesh.points, mesh.uv, mesh.triangles,
+                surface.invalid, pbs.surface_table, table, codes, slack, wraps, cells, seen,
             )  # fmt: skip
             spread_seen(mesh.uv, mesh.triangles, seen, wraps, cells)
         found.append((surface, wraps, cells))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .project import project_point
-from .rays import INVALID_ID, ROUNDING, distance_to_exit, intersect1, or_u64, outside_ray
+from .rays import INVALID_ID, ROUNDING, distance_to_exit, intersect1, is_free, or_u64, outside_ray
 from .slack import Slack, slack_at
 
 __all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "list_unmarked", "mark_by_triangle", "mark_grid"]
@@ -83,7 +83,7 @@ def mark_grid(
 
 
 @numba.njit(inline="always", cache=True, error_model="numpy")
-def _looks(function: int, scene: int, camera: F64, bounds: F64, x: float, y: float, z: float, delta: Slack) -> int:
+def _looks(occluded: int, scene: int, camera: F64, bounds: F64, x: float, y: float, z: float, delta: Slack) -> int:
     """What a camera says of a point: 0: not in its picture; 1: something is farther by delta / 2; 2: nothing is."""
     u, v, depth = project_point(camera, x, y, z)
     if not (depth > 0.0 and u >= 0.0 and v >= 0.0 and u < camera[1] and v < camera[2]):
@@ -96,17 +96,13 @@ def _looks(function: int, scene: int, camera: F64, bounds: F64, x: float, y: flo
     reach = far - distance - max(0.5 * slack_at(delta, distance), ROUNDING * distance)
     if not reach > 0.0:
         return 2
-    _t, _u, _v, geometry, _primitive = intersect1(
-        function, scene, 0,
-        np.float32(camera[16] + far * dx), np.float32(camera[17] + far * dy), np.float32(camera[18] + far * dz),
-        np.float32(-dx), np.float32(-dy), np.float32(-dz), np.float32(0.0), np.float32(reach),
-    )  # fmt: skip
-    return 2 if geometry == INVALID_ID else 1
+    x, y, z = camera[16] + far * dx, camera[17] + far * dy, camera[18] + far * dz
+    return 2 if is_free(occluded, scene, x, y, z, -dx, -dy, -dz, reach) else 1
 
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def mark_by_triangle(
-    function: int, scene: int, cameras: F64, order: I64, run: int, bounds: F64, points: F32, uv: F32,
+    occluded: int, scene: int, cameras: F64, order: I64, run: int, bounds: F64, points: F32, uv: F32,
     triangles: I32, which: I64, delta: Slack, marks: U64,
 ) -> int:  # fmt: skip
     """Gives triangles `which` [n] the mark of the first camera that has one as background; returns the rays cast.
@@ -132,7 +128,7 @@ def mark_by_triangle(
             z = p * points[a, 2] + q * points[b, 2] + r * points[c, 2]
             for j in range(order.shape[0]):
                 camera = order[(first + j) % order.shape[0]]
-                said = _looks(function, scene, cameras[camera], bounds, x, y, z, delta)
+                said = _looks(occluded, scene, cameras[camera], bounds, x, y, z, delta)
                 rays += said > 0
                 if said == 2:
                     found = camera

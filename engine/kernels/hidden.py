@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from .culling import SAMPLES, SMALL_PX
 from .project import project_point
-from .rays import INVALID_ID, ROUNDING, intersect1
+from .rays import ROUNDING, is_free
 from .slack import Slack, slack_at
 from .standing import standing_hit
 
@@ -60,7 +60,7 @@ def _is_small(uv: F32, triangle: I32) -> bool:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _sees(
-    function: int, scene: int, eye: F64, bounds: F64, x: float, y: float, z: float,
+    function: int, occluded: int, scene: int, eye: F64, bounds: F64, x: float, y: float, z: float,
     owners: I64, table: F64, codes: I64, slack: Slack,
 ) -> tuple[bool, int]:  # fmt: skip
     """Whether nothing that an eye is shown stands before a point by more than the slack, and the rays cast."""
@@ -69,11 +69,7 @@ def _sees(
     free = 1.0 - max(slack_at(slack, distance) / distance, ROUNDING)
     if not free > 0.0:
         return True, 0
-    _t, _u, _v, geometry, _primitive = intersect1(
-        function, scene, 0, np.float32(eye[16]), np.float32(eye[17]), np.float32(eye[18]),
-        np.float32(dx), np.float32(dy), np.float32(dz), np.float32(0.0), np.float32(free),
-    )  # fmt: skip
-    if geometry == INVALID_ID:  # most: nothing at all is before them
+    if is_free(occluded, scene, eye[16], eye[17], eye[18], dx, dy, dz, free):  # most are
         return True, 1
     u, v, distance = project_point(eye, x, y, z)
     shown, _hu, _hv, _geometry, _primitive, _length, rays = standing_hit(
@@ -84,7 +80,7 @@ def _sees(
 
 @numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def mark_seen(
-    function: int, scene: int, eyes: F64, bounds: F64, points: F32, uv: F32, triangles: I32, invalid: U8,
+    function: int, occluded: int, scene: int, eyes: F64, bounds: F64, points: F32, uv: F32, triangles: I32, invalid: U8,
     owners: I64, table: F64, codes: I64, slack: Slack, wraps: bool, cells: U8, seen: U8,
 ) -> int:  # fmt: skip
     """Sets seen [m] to 1 for valid triangles of which an eye (packed all-round cameras [n, 20]) sees a sample point;
@@ -103,7 +99,7 @@ def mark_seen(
                 r = 1.0 - p - q
                 eye = (last + k) % eyes.shape[0]
                 found, cast = _sees(
-                    function, scene, eyes[eye], bounds,
+                    function, occluded, scene, eyes[eye], bounds,
                     p * points[a, 0] + q * points[b, 0] + r * points[c, 0],
                     p * points[a, 1] + q * points[b, 1] + r * points[c, 1],
                     p * points[a, 2] + q * points[b, 2] + r * points[c, 2],

@@ -26,6 +26,7 @@ __all__ = [
     "distance_to_exit",
     "farthest_hit",
     "intersect1",
+    "is_free",
     "load_f32",
     "load_i64",
     "load_u16",
@@ -141,6 +142,20 @@ def intersect1(
         return context.make_tuple(builder, result, values)
 
     return result(i64, i64, i64, *([f32] * 8)), codegen
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def is_free(
+    occluded: int, scene: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, far: float
+) -> bool:
+    """Whether a ray meets nothing up to `far` (in lengths of its direction). Where it does, the first thing that is
+    found ends the search, wherever on the ray; occluded: the address of rtcOccluded1."""
+    # RTCRayHit starts with the RTCRay that rtcOccluded1 takes; where something is hit, it sets tfar to -inf.
+    left, _u, _v, _geometry, _primitive = intersect1(
+        occluded, scene, 0, np.float32(ox), np.float32(oy), np.float32(oz), np.float32(dx), np.float32(dy),
+        np.float32(dz), np.float32(0.0), np.float32(far),
+    )  # fmt: skip
+    return left >= np.float32(0.0)
 
 
 # Filter callbacks get RTCFilterFunctionNArguments: valid, geometryUserPtr, context, ray, hit, N. With
