@@ -39,8 +39,8 @@ class Settings:
     overdraw: bool = True  # lay the backdrop over everything, not only where the views left holes
     rims: bool = True  # pixels at depth edges keep their full square where no view has a surface
     baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
-    # Heads stay in a ball, x, y, z and radius in metres of the world: what of the background faces away from all of it
-    # is not kept. None: they go anywhere.
+    # Heads stay in a ball, x, y, z and radius in metres of the world: what of the background faces away from all of it,
+    # or is hidden from it by other background, is not kept. None: they go anywhere.
     viewing_space: tuple[float, float, float, float] | None = None
     max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two up to 32
     delta_m: float | None = None  # culling tolerance (delta), the same at all depths; the paper's is 0.2
@@ -48,7 +48,7 @@ class Settings:
     # delta_m. None: follows from depth codes and noise; nothing where delta_m is set.
     delta_disparity: float | None = None
     margin_m: float | None = None  # by how much a maximum depth image's surface must be farther than the last one
-    backdrop_m: float | None = None  # how far the backdrop is moved backwards; None: by delta, as in the paper
+    backdrop_m: float | None = None  # how far the backdrop is moved backwards; None: by delta at its depth
     culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
     backdrop: str = "standing"  # shown of the model behind a pixel: the nearest that stands, or the paper's "farthest"
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
