@@ -79,7 +79,6 @@ def triangulate(
     and no merged triangle spans kept and other pixels. Points are relative to `origin`, metres. Raises ValueError
     for arrays of another shape or type.
     """
-    both = kernels.BOTH if options.extend_edges else kernels.SURFACE
     blocks = _Blocks(camera)
     made = np.ones_like(blocks.states)
     if keep is not None and cuts is None:  # what is kept may be little
@@ -87,9 +86,13 @@ def triangulate(
         change_kernels.kept_blocks(keep, _wraps(camera), made)
         blocks.splits[made == 0] = 0
     flags = _cuts(camera, codes, options, keep, made) if cuts is None else cuts
+    if rims:  # no splits are needed to find them
+        split_kernels.find_mixed(flags, blocks.states)
+        return _mesh(camera, codes, flags, blocks, made, origin, kernels.RIMS)
     _split(camera, codes, flags, options, made, blocks)
     _join(camera, blocks.splits)
-    return _mesh(camera, codes, flags, blocks, made, origin, kernels.RIMS if rims else both)
+    parts = kernels.BOTH if options.extend_edges else kernels.SURFACE
+    return _mesh(camera, codes, flags, blocks, made, origin, parts)
 
 
 class Triangulator:

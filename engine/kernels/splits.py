@@ -25,7 +25,19 @@ import numpy.typing as npt
 from . import lanes
 from .cuts import BROKEN, KEPT
 
-__all__ = ["BLOCK", "EMPTY", "EVEN", "MIXED", "ODD", "PLAIN", "SIDE", "WORDS", "join_blocks", "split_blocks"]
+__all__ = [
+    "BLOCK",
+    "EMPTY",
+    "EVEN",
+    "MIXED",
+    "ODD",
+    "PLAIN",
+    "SIDE",
+    "WORDS",
+    "find_mixed",
+    "join_blocks",
+    "split_blocks",
+]
 
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
@@ -181,6 +193,23 @@ def split_blocks(
             else:
                 _split_block(scratch, tolerance, largest, (i + j) % 2, splits[i, j])
                 _note_columns(splits[i, j], last if j == splits.shape[1] - 1 else BLOCK)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True)
+def find_mixed(flags: U8, states: U8) -> None:
+    """states [rows, columns]: MIXED where a block may have pixels at depth edges, PLAIN where it has none; a small part
+    of the work of `split_blocks`."""
+    h, w = flags.shape
+    for row in numba.prange(states.shape[0]):
+        i = int(np.int64(row))
+        for j in range(states.shape[1]):
+            x0, y0, broken = j * BLOCK, i * BLOCK, 0
+            if x0 + BLOCK < w and y0 + BLOCK < h and (y0 + BLOCK) * w + x0 + lanes.LANES <= h * w:
+                for y in range(SIDE):
+                    broken |= lanes.bits_of(flags.ctypes.data + (y0 + y) * w + x0, BROKEN)
+                states[i, j] = MIXED if broken & _COLUMNS else PLAIN
+            else:
+                states[i, j] = MIXED
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
