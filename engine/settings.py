@@ -105,7 +105,7 @@ class Settings:
         """The settings of a quality (fast, balanced, best), with changes on top."""
         presets = {
             "fast": cls(tolerance_px=0.5, overdraw=False, rims=False, blend=1, pbi_scale=0.33, jpeg_quality=80),
-            "balanced": cls(rims=False, pbi_scale=0.5, cubic=True, antialias="morphological"),
+            "balanced": cls(pbi_scale=0.5, cubic=True, antialias="morphological"),
             "best": cls(tolerance_px=0.1, blend=5, cubic=True, antialias="samples"),
         }
         if quality not in presets:
