@@ -485,7 +485,6 @@ def test_a_blocked_loop_is_noticed_and_charged_to_the_update_that_ran() -> None:
         assert 0.5 * 195 < summary["longest_own_stall_ms"] <= summary["longest_stall_ms"]  # it slept
         assert 0 < summary["longest_busy_ms"] < 195
         assert 0 < summary["loop_busy_s"] < 0.26
-        assert monitor.summary(0)["longest_stall_ms"] < 195  # none that ended now
         task.cancel()
 
     run(scenario)

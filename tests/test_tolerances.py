@@ -69,7 +69,9 @@ def test_automatic_tolerances_are_not_far_off_the_best(rows):
         assert automatic.label == "1"
         assert off < 0.2, automatic.choice.name  # dB, which nobody sees
     edges = {row.label: row.outcome for row in rows if row.choice.name == "depth edge"}
-    assert edges["0.125"].iv_psnr < edges["1"].iv_psnr - 0.5  # what is slanted is torn
+    torn = edges["0.125"]  # what is slanted is, though rims cover much of it
+    assert torn.holes > 1.05 * edges["1"].holes
+    assert torn.iv_psnr < edges["1"].iv_psnr - 0.2
     assert edges["8"].ghosts > 3 * edges["1"].ghosts  # people are tied to what is behind them
 
 
