@@ -63,7 +63,8 @@ def command(
     every: Annotated[
         int | None,
         typer.Option(
-            min=1, help="Every so many frames (--trade, --targets 4, --fill 5, --model, --backdrop 12, --accuracy 15)."
+            min=1,
+            help="Every so many frames (--targets 1, --trade 4, --fill 5, --model, --backdrop 12, --accuracy 15).",
         ),
     ] = None,
     pairs: Annotated[
@@ -211,7 +212,7 @@ def command(
     if targets is not None:
         from .benchmarks.targets import show_targets
 
-        show_targets(targets, scale, frames or 30, every or 4)
+        show_targets(targets, scale, frames or 30, every or 1)
     if scaling is not None:
         from .benchmarks.targets import show_scaling
 

@@ -12,9 +12,6 @@ from .kernels.morphology import SPAN, blend_steps, mark_steps
 
 __all__ = ["smooth_outlines"]
 
-# Of the disparity step at which a mesh is cut: lesser steps are often the same surface's.
-_EDGES = 2.0
-
 
 def smooth_outlines(texture: Texture, disparity: npt.NDArray[np.float32], edge: float) -> Texture:
     """A picture whose outlines are blended as far as they cover their pixels.
@@ -23,7 +20,7 @@ def smooth_outlines(texture: Texture, disparity: npt.NDArray[np.float32], edge: 
     """
     h, w = disparity.shape
     marks, found = np.empty((h, w), np.uint8), np.empty((h, math.ceil(w / SPAN)), np.uint8)
-    mark_steps(disparity, _EDGES * edge, marks, found)
+    mark_steps(disparity, edge, marks, found)
     if not found.any():
         return texture
     planes = (texture.y, texture.cb, texture.cr)
