@@ -40,9 +40,11 @@ def from_rgb(rgb: npt.NDArray[np.uint8]) -> Texture:  # [h, w, 3]
 
 def encode_jpeg(texture: Texture, quality: int = 90) -> bytes:
     """JFIF bytes (4:2:0) of a texture; the GIL is released meanwhile."""
-    planes = [np.empty(plane.shape, np.uint8) for plane in (texture.y, texture.cb, texture.cr)]
-    kernels.jpeg_planes(texture.y, texture.cb, texture.cr, *planes)
-    data: bytes = simplejpeg.encode_jpeg_yuv_planes(*planes, quality=quality, fastdct=True)
+    (h, w), half = texture.y.shape, texture.cb.shape
+    # The encoder reads whole blocks of 2 x 2 pixels, beyond a plane of odd size, too.
+    y, cb, cr = np.empty((2 * half[0], 2 * half[1]), np.uint8), np.empty(half, np.uint8), np.empty(half, np.uint8)
+    kernels.jpeg_planes(texture.y, texture.cb, texture.cr, y, cb, cr)
+    data: bytes = simplejpeg.encode_jpeg_yuv_planes(y[:h, :w], cb, cr, quality=quality, fastdct=True)
     return data
 
 

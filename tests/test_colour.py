@@ -53,6 +53,23 @@ def test_black_white_and_primaries() -> None:
     assert (white.y[0, 0], white.cb[0, 0], white.cr[0, 0]) == (940, 512, 512)
 
 
+@pytest.mark.parametrize(("h", "w"), [(48, 64), (47, 63), (47, 64), (1, 1)])
+def test_the_encoder_finds_the_border_repeated_where_it_reads_beyond_an_odd_picture(h, w, monkeypatch) -> None:
+    given, encode = [], colour.simplejpeg.encode_jpeg_yuv_planes
+
+    def record(y, cb, cr, **options):
+        given.extend((y, cb, cr))
+        return encode(y, cb, cr, **options)
+
+    monkeypatch.setattr(colour.simplejpeg, "encode_jpeg_yuv_planes", record)
+    colour.encode_jpeg(random_texture(h, w))
+    y, whole = given[0], given[0].base
+    assert y.shape == (h, w)
+    assert given[1].shape == given[2].shape == ((h + 1) // 2, (w + 1) // 2)
+    assert y.ctypes.data == whole.ctypes.data
+    np.testing.assert_array_equal(whole, np.pad(y, ((0, h % 2), (0, w % 2)), "edge"))
+
+
 @pytest.mark.parametrize(("h", "w"), [(48, 64), (47, 63)])
 def test_a_decoder_of_another_hand_sees_the_same_picture(h: int, w: int) -> None:
     """Pillow decodes our JPEG to the RGB that BT.709 gives: matrix and range went into the planes."""

@@ -100,7 +100,10 @@ def ycbcr_from_rgb(rgb: U8, y: U16, cb: U16, cr: U16) -> None:
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
 def jpeg_planes(y: U16, cb: U16, cr: U16, out_y: U8, out_cb: U8, out_cr: U8) -> None:
-    """Write full-range 8-bit BT.601 planes (JFIF) of the same sizes: a linear map, no RGB in between."""
+    """Write full-range 8-bit BT.601 planes (JFIF): a linear map, no RGB in between.
+
+    out_cb, out_cr: as large as cb; out_y: twice that each way, its last row and column repeated where h or w is odd.
+    """
     h, w = y.shape
     differences = np.empty(w, np.int32)
     middle = np.int32((128 << SHIFT) + HALF)
@@ -112,6 +115,8 @@ def jpeg_planes(y: U16, cb: U16, cr: U16, out_y: U8, out_cb: U8, out_cr: U8) -> 
             difference = _weighted(b, r, _JPEG_LUMA[0], _JPEG_LUMA[1])
             for u in range(2 * half, min(2 * half + 2, w)):
                 differences[u] = difference
-        for v in range(2 * row, min(2 * row + 2, h)):
+        for v in range(2 * row, 2 * row + 2):
+            line = y[min(v, h - 1)]
             for u in range(w):
-                out_y[v, u] = _byte(_luma(y[v, u]) + differences[u])
+                out_y[v, u] = _byte(_luma(line[u]) + differences[u])
+            out_y[v, w:] = out_y[v, w - 1]
