@@ -242,6 +242,11 @@ class Camera:
         local = self.projection.directions(uv) * np.asarray(depth, np.float64)[..., None]
         return local @ self.pose.rotation().T + self.pose.position
 
+    @property
+    def wraps(self) -> bool:
+        """Whether its picture's columns begin again where they end."""
+        return isinstance(self.projection, Equirectangular) and self.projection.wraps
+
     def packed(self, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:  # [CAMERA_SIZE]
         """The camera as kernels read it (layout: `kernels.project`), positions relative to `origin`, metres."""
         out = np.zeros(CAMERA_SIZE)

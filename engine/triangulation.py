@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import threads as _threads  # noqa: F401 (Numba's threading layer, before the first parallel kernel)
-from .camera import Camera, Equirectangular, Perspective
+from .camera import Camera, Perspective
 from .kernels import changes as change_kernels
 from .kernels import cuts as cut_kernels
 from .kernels import splits as split_kernels
@@ -83,7 +83,7 @@ def triangulate(
     made = np.ones_like(blocks.states)
     if keep is not None and cuts is None:  # what is kept may be little
         _check("keep", keep, (camera.height, camera.width), np.uint8)
-        change_kernels.kept_blocks(keep, _wraps(camera), made)
+        change_kernels.kept_blocks(keep, camera.wraps, made)
         blocks.splits[made == 0] = 0
     flags = _cuts(camera, codes, options, keep, made) if cuts is None else cuts
     if rims:  # no splits are needed to find them
@@ -155,7 +155,7 @@ class Triangulator:
     ) -> npt.NDArray[np.uint8]:  # [rows, columns]
         """Which blocks have changed since the last frame, which this one is from now on."""
         changed = np.ones_like(self._own.states)
-        h, w, wraps = camera.height, camera.width, _wraps(camera)
+        h, w, wraps = camera.height, camera.width, camera.wraps
         if not known:
             self._codes[:] = codes
             return changed
@@ -168,7 +168,7 @@ class Triangulator:
 
 def _block_grid(camera: Camera) -> tuple[int, int]:
     """Rows and columns of a view's blocks."""
-    return math.ceil((camera.height - 1) / _BLOCK), math.ceil((camera.width - (not _wraps(camera))) / _BLOCK)
+    return math.ceil((camera.height - 1) / _BLOCK), math.ceil((camera.width - (not camera.wraps)) / _BLOCK)
 
 
 class _Blocks:
@@ -210,7 +210,7 @@ def _mark_cuts(
 ) -> None:
     mask, coding = np.zeros((1, 1), np.uint8) if keep is None else keep, camera.depth
     edge = options.edge / coding.step
-    cut_kernels.mark_broken(codes, mask, keep is not None, coding.has_invalid, edge, _wraps(camera), wanted, flags)
+    cut_kernels.mark_broken(codes, mask, keep is not None, coding.has_invalid, edge, camera.wraps, wanted, flags)
 
 
 def _split(
@@ -226,12 +226,12 @@ def _split(
     tolerance = math.floor(min(2 * max(options.tolerance / camera.depth.step, _ROUNDING_CODES), 65534))
     largest = options.max_block if options.tolerance > 0 else 1
     split_kernels.split_blocks(
-        codes, flags, tolerance, largest, _wraps(camera), changed, blocks.splits, blocks.states
+        codes, flags, tolerance, largest, camera.wraps, changed, blocks.splits, blocks.states
     )
 
 
 def _join(camera: Camera, splits: npt.NDArray[np.int64]) -> None:
-    seam = camera.width - (splits.shape[1] - 1) * _BLOCK if _wraps(camera) else 0
+    seam = camera.width - (splits.shape[1] - 1) * _BLOCK if camera.wraps else 0
     split_kernels.join_blocks(splits, seam)
 
 
@@ -246,7 +246,7 @@ def _mesh(
     before: Mesh | None = None,
 ) -> Mesh:
     """Make some blocks' triangles; the others are as they were before."""
-    wraps, splits, states = _wraps(camera), blocks.splits, blocks.states
+    wraps, splits, states = camera.wraps, blocks.splits, blocks.states
     if before is None:
         nothing = np.empty((0, 3), np.float32), np.empty((0, 2), np.float32), np.empty((0, 3), np.int32)
         before = Mesh(*nothing, np.zeros((states.size + 1, 2), np.int64))
@@ -284,10 +284,6 @@ def _directions(
     phi, theta = packed[3] - u * packed[4], packed[5] - v * packed[6]
     across, down = (np.stack([np.cos(angle), np.sin(angle)], axis=-1) for angle in (phi, theta))
     return across, down
-
-
-def _wraps(camera: Camera) -> bool:
-    return isinstance(camera.projection, Equirectangular) and camera.projection.wraps
 
 
 def _check(name: str, array: npt.NDArray[Any], shape: tuple[int, int], dtype: type) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
-from ..camera import Camera, Equirectangular
+from ..camera import Camera
 from ..colour import toned_texture
 from ..depth import DepthCoding
 from ..frame import Texture, View
@@ -120,10 +120,8 @@ class MaximumDepthImage:
 
     def table_row(self) -> list[int]:
         """The image as `kernels.background_image` reads it."""
-        projection = self.camera.projection
-        wraps = isinstance(projection, Equirectangular) and projection.wraps
         addresses = [plane.ctypes.data for plane in (*_planes(self.texture), self.codes)]
-        return [*addresses, self.camera.width, self.camera.height, int(wraps), int(self._rules[5])]
+        return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), int(self._rules[5])]
 
 
 @lru_cache(maxsize=1)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..camera import Camera, Equirectangular
+from ..camera import Camera
 from ..export_mesh import ColouredMesh, srgb_from_ycbcr
 from ..frame import Frame, Texture, View
 from ..kernels.background_image import render_background, sample_colours
@@ -267,7 +267,7 @@ class BackgroundModel:
             with timed(report.stages, "filter"):
                 if before is not None and culled:
                     mesh = before.mesh
-                    clear_culled(mesh.uv, mesh.triangles, before.invalid, _wraps(image), numbers, image.flags)
+                    clear_culled(mesh.uv, mesh.triangles, before.invalid, image.camera.wraps, numbers, image.flags)
                 changed = self._filter(c, report)
             if culled or changed.any():
                 with timed(report.stages, "triangulate"):
@@ -291,7 +291,7 @@ class BackgroundModel:
         if before is None:
             yield numbers
             return
-        triangles = before.mesh.uv, before.mesh.triangles, before.invalid.copy(), _wraps(image)
+        triangles = before.mesh.uv, before.mesh.triangles, before.invalid.copy(), image.camera.wraps
         paint_triangles(*triangles, False, numbers)
         try:
             yield numbers
@@ -412,9 +412,3 @@ class BackgroundModel:
         ycbcr = np.empty((len(mesh.uv), 3), np.float32)
         sample_colours(self._image_table[c], mesh.uv, ycbcr)
         return ColouredMesh(mesh.points + self._origin, mesh.triangles[valid], srgb_from_ycbcr(ycbcr))
-
-
-def _wraps(image: MaximumDepthImage) -> bool:
-    """Whether an image's columns begin again where they end."""
-    projection = image.camera.projection
-    return isinstance(projection, Equirectangular) and projection.wraps

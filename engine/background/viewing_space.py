@@ -84,7 +84,7 @@ def flag_hidden(
     eyes, rays, hidden, found = space.eyes(), 0, 0, []
     for camera, surface in surfaces:
         mesh, seen = surface.mesh, np.zeros(len(surface.invalid), np.uint8)
-        wraps = isinstance(camera.projection, Equirectangular) and camera.projection.wraps
+        wraps = camera.wraps
         cells = np.zeros((math.ceil(camera.height / CELL), math.ceil(camera.width / CELL)), np.uint8)
         for some in (eyes[::_FEW], eyes):  # few see most, and what is beside need not be asked for
             rays += mark_seen(

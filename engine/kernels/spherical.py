@@ -57,7 +57,7 @@ def azimuths(a: Direction, b: Direction, c: Direction) -> tuple[float, float]:
     Sides are arcs of great circles, along which azimuths only rise or only fall.
     """
     ab, bc, ca = _turn(a, b), _turn(b, c), _turn(c, a)
-    if abs(ab + bc + ca) > 3.0:  # a whole turn: round a pole
+    if abs(ab + bc + ca) > math.pi:  # a whole turn: round a pole
         return -math.pi, math.pi
     first = math.atan2(a[1], a[0])
     return first + min(0.0, min(ab, ab + bc)), first + max(0.0, max(ab, ab + bc))

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from ...camera import Camera, Equirectangular, Perspective
+from ...camera import Camera, Perspective
 from ...engine import Engine
 from ...frame import Frame
 from ...minification import level_for
@@ -182,7 +182,7 @@ def _texel(camera: Camera, points: F64) -> F64:  # [h, w, 3] -> [h, w]
     """Length of a camera's texel in a picture of these points, pixels: the inverse of how little a step in the picture
     moves the point's image in the camera. 0 where there is none."""
     uv, _depth = camera.project(points)
-    turn = camera.width if isinstance(camera.projection, Equirectangular) and camera.projection.wraps else np.inf
+    turn = camera.width if camera.wraps else np.inf
     steps = []
     for axis in (0, 1):
         step = 0.5 * (np.roll(uv, -1, axis) - np.roll(uv, 1, axis))
