@@ -16,6 +16,7 @@ from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.frame import Frame, View
 from farside.engine.kernels.coverage import BLOCK, mark_smooth
 from farside.engine.kernels.culling import OFFSETS, SAMPLES, SMALL_PX
+from farside.engine.kernels.progressive import paint_triangles
 from farside.engine.mesh import Mesh
 from farside.engine.scene import Scene
 from farside.engine.settings import Settings
@@ -583,3 +584,19 @@ def test_a_lone_wrong_depth_is_not_background_and_a_region_is():
     report = model.update(Frame(2, (dataclasses.replace(view, codes=codes),)))
     assert (report.candidates, report.accepted) == (5, 4)
     assert report.p_pbs > 0
+
+
+def test_a_pixel_that_several_triangles_touch_is_the_last_ones_every_time():
+    grid = np.stack(np.meshgrid(np.arange(33) + 0.5, np.arange(33) + 0.5), axis=-1).reshape(-1, 2).astype(np.float32)
+    corner = (np.arange(32)[:, None] * 33 + np.arange(32)).reshape(-1, 1)
+    half = np.concatenate([corner + np.array([0, 33, 1]), corner + np.array([1, 33, 34])]).astype(np.int32)
+    triangles = np.tile(half, (40, 1))  # corners lie on pixels' centres: each touches its neighbours' pixels
+    numbers, invalid = np.full((33, 33), -1, np.int32), np.zeros(len(triangles), np.uint8)
+    for _ in range(5):
+        paint_triangles(grid, triangles, invalid, False, False, numbers)
+        expected = np.full(33 * 33, -1)
+        for k in range(3):
+            np.maximum.at(expected, triangles[:, k], np.arange(len(triangles)))
+        np.testing.assert_array_equal(numbers, expected.reshape(33, 33))
+    paint_triangles(grid, triangles, invalid, False, True, numbers)
+    assert (numbers == -1).all()

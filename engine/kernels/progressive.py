@@ -168,11 +168,14 @@ def _covers(uv: F32, a: int, b: int, c: int, x: int, y: int) -> bool:
     return (ab >= 0.0 and bc >= 0.0 and ca >= 0.0) or (ab <= 0.0 and bc <= 0.0 and ca <= 0.0)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def paint_triangles(uv: F32, triangles: I32, invalid: U8, wraps: bool, erase: bool, numbers: I32) -> None:
-    """Writes each valid triangle's number, or -1 to erase them, to all pixels whose centre it covers or touches."""
+    """Writes each valid triangle's number, or -1 to erase them, to all pixels whose centre it covers or touches.
+
+    Of several the last one's, and so by one thread: with more, it would be now this one's, now that one's.
+    """
     h, w = numbers.shape
-    for i in numba.prange(triangles.shape[0]):
+    for i in range(triangles.shape[0]):
         if invalid[i] != 0:
             continue
         a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
