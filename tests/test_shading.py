@@ -247,3 +247,27 @@ def test_mixed_texels_are_left_to_views_that_have_clean_ones():
     # A view that is alone keeps what it saw.
     alone = shaded(camera_at(), [first], blend=2).planes[0]
     np.testing.assert_allclose(alone[5:-5, [27, 36]], mixed, atol=1)
+
+
+def surrounded(plane, value):
+    """The same plane between rows that hold a value."""
+    room = np.full((plane.shape[0] + 8, plane.shape[1]), value, plane.dtype)
+    room[4:-4] = plane
+    return room[4:-4]
+
+
+def test_blocks_at_a_views_upper_border_read_nothing_above_it():
+    """A block of pixels may be rough a few rows inside a view, and its middle too near to the border for a cubic."""
+    camera = camera_at()
+    luma = np.full((camera.height, camera.width), 500)
+    luma[3:5, ::2] = 900  # between smooth rows
+    view = prepared(camera, 4.0, luma).view
+    planes = view.texture.y, view.texture.cb, view.texture.cr
+    for rows_off in np.linspace(-1.0, 1.0, 21):
+        projection = Perspective(64, 48, 0.6 * FLAT.fx, 0.6 * FLAT.fy, FLAT.cx, 0.6 * FLAT.cy + 10.0 + rows_off)
+        target, chroma = camera_at(projection=projection), []
+        for beyond in (0, 60000):
+            texture = Texture(*(surrounded(plane, beyond) for plane in planes))
+            other = PreparedView(dataclasses.replace(view, texture=texture), OPTIONS, ORIGIN)
+            chroma.append(shaded(target, [other], cubic=True).planes[1])
+        np.testing.assert_array_equal(*chroma)

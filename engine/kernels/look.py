@@ -54,6 +54,7 @@ __all__ = [
     "aim",
     "chroma_between",
     "chroma_nearest",
+    "is_inside_chroma",
     "look",
     "make_lens",
 ]
@@ -368,13 +369,29 @@ def chroma_nearest(lens: int, addresses: int, u: Floats, v: Floats, mask: Truths
 
 
 @numba.njit(forceinline=True, cache=True, error_model="numpy")
+def _chroma_place(lens: int, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """Where (u, v) lies among the chroma samples, from the middle of the first one: column and row."""
+    scale = np.float32(0.5) if load_float(lens, _SUBSAMPLED) > 0.0 else np.float32(1.0)
+    return scale * u - 0.5, scale * v - 0.5
+
+
+@numba.njit(forceinline=True, cache=True, error_model="numpy")
+def is_inside_chroma(lens: int, u: Floats, v: Floats) -> Truths:
+    """Whether the picture has all four by four chroma samples round (u, v), as `chroma_between` needs; not if NaN."""
+    shift = 1 if load_float(lens, _SUBSAMPLED) > 0.0 else 0
+    columns = (int(load_float(lens, _WIDTH)) + shift) >> shift
+    rows = (int(load_float(lens, _HEIGHT)) + shift) >> shift
+    x, y = _chroma_place(lens, u, v)
+    # One sample before the place, and two behind it.
+    return (x >= 1.0) & (y >= 1.0) & (x < np.float32(columns - 2)) & (y < np.float32(rows - 2))
+
+
+@numba.njit(forceinline=True, cache=True, error_model="numpy")
 def chroma_between(lens: int, addresses: int, u: Floats, v: Floats, mask: Truths) -> tuple[Floats, Floats]:
-    """Chroma at (u, v), well inside the picture, by cubic convolution."""
-    halved = load_float(lens, _SUBSAMPLED) > 0.0
-    scale = np.float32(0.5) if halved else np.float32(1.0)
-    shift = 1 if halved else 0
+    """Chroma at (u, v) by cubic convolution, where the mask is true: only where `is_inside_chroma` is."""
+    shift = 1 if load_float(lens, _SUBSAMPLED) > 0.0 else 0
     pitch = (int(load_float(lens, _WIDTH)) + shift) >> shift
-    x, y = scale * u - 0.5, scale * v - 0.5
+    x, y = _chroma_place(lens, select(mask, u, 0.0), select(mask, v, 0.0))
     i, j = to_integers(x), to_integers(y)
     fx, fy, at = x - to_floats(i), y - to_floats(j), j * pitch + i
     return _cubic(load_integer(addresses, 2), at, pitch, fx, fy, mask), _cubic(

@@ -20,7 +20,18 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from .look import LENS_SIZE, OUTSIDE, ROUGH, TONE_AT, aim, chroma_between, chroma_nearest, look, make_lens
+from .look import (
+    LENS_SIZE,
+    OUTSIDE,
+    ROUGH,
+    TONE_AT,
+    aim,
+    chroma_between,
+    chroma_nearest,
+    is_inside_chroma,
+    look,
+    make_lens,
+)
 from .project import PERSPECTIVE, project_point, unproject_point
 from .simd import (
     LANES,
@@ -199,14 +210,16 @@ def _nearest(lens: int, addresses: int, seen: int, k: int) -> tuple[Floats, Floa
 @numba.njit(cache=True, error_model="numpy")
 def _colour_blocks(lens: int, addresses: int, cubic: bool, seen: int, k: int, weight: Floats) -> tuple[Floats, Floats]:
     """Chroma of a cell's blocks in view k, times their weight: that of each pixel or, where the block is smooth in the
-    view but its colours are rough, that of its middle by cubic convolution."""
+    view but its colours are rough, that of its middle by cubic convolution if the view has all samples for it."""
     between, b, r = weight < 0.0, spread(0.0), spread(0.0)
     if cubic:
         between = _most(seen, k, _MANNER, 1.0) == np.float32(ROUGH)
         if any_of(between):
             between &= _most(seen, k, _U, 1.0) + _most(seen, k, _U, -1.0) <= np.float32(_APART_PX)
             between &= _most(seen, k, _V, 1.0) + _most(seen, k, _V, -1.0) <= np.float32(_APART_PX)
+            # Smooth pixels of a rough block may lie nearer to the border than rough ones, and so may its middle.
             u, v = _sum(seen, k, _U) / weight, _sum(seen, k, _V) / weight
+            between &= is_inside_chroma(lens, u, v)
             b, r = chroma_between(lens, addresses, u, v, between)
             b, r = select(between, b * weight, 0.0), select(between, r * weight, 0.0)
     if any_of((weight > 0.0) & ~between):
