@@ -149,7 +149,7 @@ def command(
         plan = make_plan(views, background, quality, frames, every)
         show_accuracy(folders or [], twins, scale, camera or [], plan, report)
     if trade:
-        from farside.engine.bench.trade import Plan
+        from farside.engine.evaluation.trade import Plan
 
         from .benchmarks.trade import show_trade
 

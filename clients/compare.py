@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from farside.engine import metrics
-from farside.engine.yuv import PixelFormat, RawVideo
+from farside.engine.evaluation import metrics
+from farside.engine.io.yuv import PixelFormat, RawVideo
 from rich import box
 from rich.console import Console
 from rich.table import Table

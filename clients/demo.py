@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 import uvicorn
-from farside.engine.tmiv import open_sequence
+from farside.engine.io.tmiv import open_sequence
 from farside.server.app import make_server
 from rich.console import Console
 from rich.progress import Progress

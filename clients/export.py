@@ -10,8 +10,8 @@ from typing import Annotated
 from urllib.parse import quote
 
 import typer
+from farside.engine.io.tmiv import open_sequence
 from farside.engine.settings import Settings
-from farside.engine.tmiv import open_sequence
 from rich.console import Console
 from rich.progress import Progress
 
@@ -74,8 +74,8 @@ def _of_sequence(
     count = min(frames or sequence.frame_count, sequence.frame_count)
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("loading the engine", total=count)
-        from farside.engine.engine import Engine  # late: compiled kernels take a moment to load
-        from farside.engine.export_mesh import to_glb, to_ply
+        from farside.engine.io.mesh_files import to_glb, to_ply
+        from farside.engine.pipeline.engine import Engine  # late: compiled kernels take a moment to load
 
         engine = Engine([sequence.camera(name) for name in names], settings, f_vin=sequence.fps)
         for index in range(count):

@@ -13,10 +13,10 @@ from typing import Annotated, NoReturn
 
 import numpy as np
 import typer
-from farside.engine import colour
-from farside.engine.camera import Camera, Perspective, Pose
-from farside.engine.depth import DepthCoding
-from farside.engine.pose_trace import read_pose_trace
+from farside.engine.io.pose_trace import read_pose_trace
+from farside.engine.rig import texture as colour
+from farside.engine.rig.camera import Camera, Perspective, Pose
+from farside.engine.rig.depth import DepthCoding
 from farside.server.pictures import decode_texture
 from farside.server.protocol import PoseUpdate, Scene, Stereo, ViewerHello, pose_from_wire, pose_to_wire
 from rich.console import Console

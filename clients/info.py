@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from farside.engine.camera import Camera, Perspective
-from farside.engine.tmiv import find_video
-from farside.engine.tmiv_check import check_sequence
-from farside.engine.tmiv_json import Description, TmivError, find_json, parse_json
+from farside.engine.io.tmiv import find_video
+from farside.engine.io.tmiv_check import check_sequence
+from farside.engine.io.tmiv_json import Description, TmivError, find_json, parse_json
+from farside.engine.rig.camera import Camera, Perspective
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from farside.engine.camera import Camera, Perspective
-from farside.engine.pose_trace import read_pose_trace
-from farside.engine.render import (
+from farside.engine.io.pose_trace import read_pose_trace
+from farside.engine.io.tmiv import Sequence, open_sequence
+from farside.engine.pipeline.offline import (
     PictureWriter,
     Renderer,
     RenderJob,
@@ -21,9 +21,9 @@ from farside.engine.render import (
     stereo_target,
     summary,
 )
+from farside.engine.rig.camera import Camera, Perspective
+from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
-from farside.engine.stereo import StereoView
-from farside.engine.tmiv import Sequence, open_sequence
 from rich.console import Console
 from rich.progress import Progress
 

@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 import numpy as np
 import typer
-from farside.engine.camera import Camera
-from farside.engine.frame import View
-from farside.engine.frame_buffers import Planes, open_buffer
-from farside.engine.tmiv import Sequence, open_sequence, playback_index
+from farside.engine.io.tmiv import Sequence, open_sequence, playback_index
+from farside.engine.live.frame_memory import Planes, open_buffer
+from farside.engine.rig.camera import Camera
+from farside.engine.rig.frame import View
 from farside.server.pictures import encode_view
 from farside.server.protocol import BufferFree, FrameDone, SharedMemory, SourceHello, ViewData, encode
 from rich.console import Console

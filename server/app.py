@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
-from farside.engine.apart import Apart
-from farside.engine.camera import Camera
-from farside.engine.live import Core, Live, Source
-from farside.engine.patience import Patience
+from farside.engine.live.core_process import Apart
+from farside.engine.live.engine import Core, Live, Source
+from farside.engine.live.update_priority import Patience
+from farside.engine.rig.camera import Camera
 from farside.engine.settings import Settings
 from fastapi import FastAPI, HTTPException, Request, Response, WebSocket
 from fastapi.responses import FileResponse
@@ -55,7 +55,7 @@ def _engine_maker(settings: ServerSettings) -> Callable[[Source], Core]:
 
 
 def _make_engine(cameras: Sequence[Camera], settings: Settings) -> Core:
-    from farside.engine.engine import Engine  # late: only a process that renders needs it
+    from farside.engine.pipeline.engine import Engine  # late: only a process that renders needs it
 
     return Engine(cameras, settings)
 

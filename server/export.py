@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from farside.engine.export_mesh import to_glb, to_ply
+from farside.engine.io.mesh_files import to_glb, to_ply
 from fastapi import HTTPException, Response
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric

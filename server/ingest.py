@@ -9,11 +9,11 @@ import os
 import time
 from typing import NoReturn
 
-from farside.engine.apart import CoreLostError
-from farside.engine.back_buffer import BackBuffer, OrderError
-from farside.engine.frame import Frame
-from farside.engine.frame_buffers import FrameBuffer, FrameBuffers
-from farside.engine.live import Source
+from farside.engine.live.back_buffer import BackBuffer, OrderError
+from farside.engine.live.core_process import CoreLostError
+from farside.engine.live.engine import Source
+from farside.engine.live.frame_memory import FrameBuffer, FrameBuffers
+from farside.engine.rig.frame import Frame
 from starlette.websockets import WebSocket
 
 from .pictures import decode_view

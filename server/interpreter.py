@@ -8,7 +8,7 @@ import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
-from farside.engine.interpreter import SETTLES_AFTER, SWITCH_S, set_aside
+from farside.engine.live.interpreter import SETTLES_AFTER, SWITCH_S, set_aside
 
 __all__ = ["responsive"]
 

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
-from farside.engine import colour
-from farside.engine.camera import Camera
-from farside.engine.frame import Texture, View
-from farside.engine.frame_buffers import Planes
+from farside.engine.live.frame_memory import Planes
+from farside.engine.rig import texture as colour
+from farside.engine.rig.camera import Camera
+from farside.engine.rig.frame import Texture, View
 
 from .protocol import CloseCode, DepthData, Picture, ProtocolError, ViewData
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from functools import partial
 
-from farside.engine.camera import Perspective, Pose
-from farside.engine.governor import Rung
-from farside.engine.live import HeadPose, LiveViewer, Source
-from farside.engine.stereo import StereoPicture, StereoView, home_pose
+from farside.engine.live.engine import HeadPose, LiveViewer, Source
+from farside.engine.live.governor import Rung
+from farside.engine.rig.camera import Perspective, Pose
+from farside.engine.rig.viewer import StereoPicture, StereoView, home_pose
 from starlette.websockets import WebSocket
 
 from .pictures import encode_texture

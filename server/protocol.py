@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self, TypeVar, overload
 
 import msgpack
-from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
-from farside.engine.depth import DepthCoding
+from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
+from farside.engine.rig.depth import DepthCoding
 
 from .fields import CloseCode, ProtocolError, Quaternion, Reader, Vector
 from .unpack import unpack

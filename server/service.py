@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, TypeVar
 
-from farside.engine.governor import Rung
-from farside.engine.live import Live
+from farside.engine.live.engine import Live
+from farside.engine.live.governor import Rung
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from .protocol import (

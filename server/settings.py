@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from farside.engine.governor import Governor, make_ladder
+from farside.engine.live.governor import Governor, make_ladder
 from farside.engine.settings import Settings
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict

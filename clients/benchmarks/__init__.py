@@ -1,1 +1,1 @@
-"""What `farside bench` shows: a module a measurement. The measuring itself is in `farside.engine.bench`."""
+"""What `farside bench` shows: a module a measurement. The measuring itself is in `farside.engine.evaluation`."""

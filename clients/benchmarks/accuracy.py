@@ -7,9 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from farside.engine.bench.accuracy import Plan, Sample, judge_pictures, picture_count
-from farside.engine.bench.accuracy_report import Report, summary_table
-from farside.engine.bench.material import Material, TwinMaterial, default_targets, find_sequences
+from farside.engine.evaluation.accuracy import Plan, Sample, judge_pictures, picture_count
+from farside.engine.evaluation.accuracy_report import Report, summary_table
+from farside.engine.evaluation.material import Material, TwinMaterial, default_targets, find_sequences
 from farside.engine.synth import make_twin
 from rich.console import Console
 from rich.progress import Progress

@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from farside.engine.bench.backdrop import VIEWS, BackdropSample, compare_backdrops, pbi_costs
-from farside.engine.bench.ghosts import inside_cameras
-from farside.engine.camera import Camera
-from farside.engine.frame import Frame
+from farside.engine.evaluation.backdrop import VIEWS, BackdropSample, compare_backdrops, pbi_costs
+from farside.engine.evaluation.ghosts import inside_cameras
+from farside.engine.rig.camera import Camera
+from farside.engine.rig.frame import Frame
 from farside.engine.settings import BACKDROPS
 from farside.engine.synth import make_twin, twin_frame
 from rich.console import Console

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from farside.engine.bench.exposure import measure_exposure
+from farside.engine.evaluation.exposure import measure_exposure
 from rich.console import Console
 from rich.table import Table
 

@@ -6,7 +6,7 @@ import csv
 from pathlib import Path
 
 import typer
-from farside.engine.bench.extremes import Row, all_cases, run
+from farside.engine.evaluation.extremes import Row, all_cases, run
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from farside.engine.bench.background import inside_rig
-from farside.engine.bench.filling import KINDS, compare_fills
-from farside.engine.bench.flicker import watch_flicker
+from farside.engine.evaluation.background import inside_rig
+from farside.engine.evaluation.filling import KINDS, compare_fills
+from farside.engine.evaluation.flicker import watch_flicker
+from farside.engine.io.tmiv import Sequence as TmivSequence
+from farside.engine.io.tmiv import open_sequence
 from farside.engine.settings import Settings
-from farside.engine.tmiv import Sequence as TmivSequence
-from farside.engine.tmiv import open_sequence
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table

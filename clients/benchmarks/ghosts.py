@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from farside.engine.bench.ghosts import inside_cameras, plot_ghosts, watch_ghosts
+from farside.engine.evaluation.ghosts import inside_cameras, plot_ghosts, watch_ghosts
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin
 from rich.console import Console

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from farside.engine.tmiv import open_sequence
+from farside.engine.io.tmiv import open_sequence
 from farside.server.protocol import ViewerHello
 from rich.console import Console
 from rich.table import Table
@@ -44,7 +44,7 @@ _STALLS = {
 # An event loop with nothing to do, in a process of its own: how late it is is the machine's doing.
 _IDLE = """
 import asyncio, contextlib, json, sys
-from farside.engine.timing import Activity, StallMonitor
+from farside.engine.live.timing import Activity, StallMonitor
 
 monitor = StallMonitor(Activity())
 with contextlib.suppress(TimeoutError):

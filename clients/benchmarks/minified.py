@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from farside.engine.bench.minified import halving_cost, measure_minified
+from farside.engine.evaluation.minified import halving_cost, measure_minified
 from farside.engine.synth import make_twin
 from rich.console import Console
 from rich.table import Table

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from farside.engine.bench.background import compare_model, hole_picture, inside_rig, summarise
-from farside.engine.tmiv import open_sequence
+from farside.engine.evaluation.background import compare_model, hole_picture, inside_rig, summarise
+from farside.engine.io.tmiv import open_sequence
 from PIL import Image
 from rich.console import Console
 from rich.progress import Progress

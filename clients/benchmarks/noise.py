@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from farside.engine.bench.ghosts import inside_cameras
-from farside.engine.bench.noise import WorthSample, watch_noise
+from farside.engine.evaluation.ghosts import inside_cameras
+from farside.engine.evaluation.noise import WorthSample, watch_noise
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin
 from rich.console import Console

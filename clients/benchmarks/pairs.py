@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from farside.engine.bench.pairs import measure_pairs
+from farside.engine.evaluation.pairs import measure_pairs
 from farside.engine.synth import make_twin, twin_frame
 from rich.console import Console
 from rich.progress import Progress

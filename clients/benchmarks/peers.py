@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from farside.engine.bench.peers import peer_rows, read_peer_table
+from farside.engine.evaluation.peers import peer_rows, read_peer_table
 from rich.console import Console
 from rich.table import Table
 

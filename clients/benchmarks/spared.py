@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from farside.engine.bench.spared import spared_rows
+from farside.engine.evaluation.spared import spared_rows
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from farside.engine.bench.background import inside_rig
-from farside.engine.bench.sparse import MODES, SparseSample, compare_sparse, completion_cost, punched
-from farside.engine.tmiv import open_sequence
+from farside.engine.evaluation.background import inside_rig
+from farside.engine.evaluation.sparse import MODES, SparseSample, compare_sparse, completion_cost, punched
+from farside.engine.io.tmiv import open_sequence
 from rich.console import Console
 from rich.table import Table
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from farside.engine.bench.material import open_material
-from farside.engine.bench.stages import PHASES, StageReport, StageRow, measure_stages
+from farside.engine.evaluation.material import open_material
+from farside.engine.evaluation.stages import PHASES, StageReport, StageRow, measure_stages
 from farside.engine.settings import Settings
 from rich.console import Console
 from rich.progress import Progress

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from farside.engine.bench.scaling import exponent, measure_growth, plot_growth
-from farside.engine.bench.targets import (
+from farside.engine.evaluation.scaling import exponent, measure_growth, plot_growth
+from farside.engine.evaluation.targets import (
     Target,
     loss_targets,
     one_eye_targets,
     pair_targets,
     update_targets,
 )
-from farside.engine.engine import Engine
+from farside.engine.pipeline.engine import Engine
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin, twin_frame
 from rich.console import Console

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from farside.engine.bench.tolerances import FRAMES, SCENES, Row, summarise, sweep
+from farside.engine.evaluation.tolerances import FRAMES, SCENES, Row, summarise, sweep
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin
 from rich.console import Console

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from farside.engine.bench.material import Material, TwinMaterial, find_sequences
-from farside.engine.bench.trade import Plan, Point, Row, step_count, summarise, sweep, variants
-from farside.engine.bench.trade_report import TITLES, fronts, point_table, write_report
+from farside.engine.evaluation.material import Material, TwinMaterial, find_sequences
+from farside.engine.evaluation.trade import Plan, Point, Row, step_count, summarise, sweep, variants
+from farside.engine.evaluation.trade_report import TITLES, fronts, point_table, write_report
 from farside.engine.synth import make_twin
 from rich.console import Console
 from rich.progress import Progress

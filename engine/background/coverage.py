@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
-from ..frame import View
-from ..kernels import coverage as kernels
-from ..kernels.slack import Slack
+from ..kernels.background import coverage as kernels
+from ..kernels.base.tolerance import Slack
+from ..rig.frame import View
 from .maximum_depth import coding_row
 
 __all__ = ["Coverage", "choose_views"]

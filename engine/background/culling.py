@@ -15,10 +15,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
-from ..embree import MarkQuery
-from ..kernels.culling import list_unmarked, mark_by_triangle, mark_grid
-from ..kernels.slack import Slack
+from ..geometry.embree import MarkQuery
+from ..kernels.background.culling import list_unmarked, mark_by_triangle, mark_grid
+from ..kernels.base.tolerance import Slack
 from .pbs import ProbableBackgroundSurface, Surface
 
 __all__ = ["Unmarked", "clear_marks", "cull_unmarked", "mark_background", "mark_missed"]

@@ -7,12 +7,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
-from ..camera import Camera
-from ..colour import toned_texture
-from ..depth import DepthCoding
-from ..frame import Texture, View
-from ..kernels.maximum_depth import (
+from ..geometry.mesh import Mesh
+from ..kernels.background.maximum_depth import (
     KEPT,
     PHASES,
     TILE,
@@ -22,8 +18,11 @@ from ..kernels.maximum_depth import (
     settle_points,
     update_maximum_depth,
 )
-from ..kernels.tone import IDENTITY
-from ..mesh import Mesh
+from ..kernels.base.tone import IDENTITY
+from ..rig.camera import Camera
+from ..rig.depth import DepthCoding
+from ..rig.frame import Texture, View
+from ..rig.texture import toned_texture
 from .tolerances import Tolerances
 
 __all__ = ["BLOCK", "MaximumDepthImage", "coding_row"]
@@ -43,8 +42,8 @@ class MaximumDepthImage:
     codes uint16 [h, w], texture 10 bit 4:2:0; flags uint8 [h, w], bits: changed since the camera's last turn (UPDATED),
     belongs to the P-PBS (KEPT), the colour was seen at the rim of something nearer (PROVISIONAL); fused uint8 [h, w]:
     how many views depth and colour are the mean of, without elements while they are of one. `edge` is a depth edge's
-    disparity step, 1/m; `tone` is what is done to the view's colours, packed (`kernels.tone`). Codes and texture stay
-    where they are for life.
+    disparity step, 1/m; `tone` is what is done to the view's colours, packed (`kernels.base.tone`). Codes and texture
+    stay where they are for life.
     """
 
     def __init__(self, view: View, tolerances: Tolerances, edge: float, tone: npt.ArrayLike = IDENTITY) -> None:
@@ -119,7 +118,7 @@ class MaximumDepthImage:
         return points
 
     def table_row(self) -> list[int]:
-        """The image as `kernels.background_image` reads it."""
+        """The image as `kernels.background.pbi` reads it."""
         addresses = [plane.ctypes.data for plane in (*_planes(self.texture), self.codes)]
         return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), int(self._rules[5])]
 
@@ -128,7 +127,8 @@ class MaximumDepthImage:
 def _comparison(
     coding: DepthCoding, margin_m: float, margin_disparity: float, edge: int
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint16]]:  # [9], [65536]
-    """What `kernels.maximum_depth` compares by: rules, and every code's limit. A rig's cameras mostly share them."""
+    """What `kernels.background.maximum_depth` compares by: rules, and every code's limit. A rig's cameras mostly share
+    them."""
     by_code = np.empty(1 << 16, np.uint16)
     rules = np.array([coding.offset, coding.step, float(coding.has_invalid), margin_m, margin_disparity, edge, 0, 0, 0])
     prepare_limits(rules, by_code)

@@ -11,24 +11,24 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..camera import Camera
-from ..export_mesh import ColouredMesh, srgb_from_ycbcr
-from ..frame import Frame, Texture, View
-from ..kernels.background_image import render_background, sample_colours
-from ..kernels.progressive import accept_candidates, clear_culled, inherit_marks, paint_triangles
-from ..kernels.project import CAMERA_SIZE
-from ..kernels.tone import IDENTITY
-from ..mesh import Mesh
-from ..pbi import BackgroundImage
-from ..prepared import PreparedView, ViewTable
-from ..scene import Scene
+from ..geometry.mesh import Mesh
+from ..geometry.prepared_view import PreparedView, ViewTable
+from ..geometry.scene_scale import Scene
+from ..geometry.triangulation import triangulate
+from ..io.mesh_files import ColouredMesh, srgb_from_ycbcr
+from ..kernels.background.pbi import render_background, sample_colours
+from ..kernels.background.triangle_filter import accept_candidates, clear_culled, inherit_marks, paint_triangles
+from ..kernels.base.project import CAMERA_SIZE
+from ..kernels.base.tone import IDENTITY
+from ..rig.camera import Camera
+from ..rig.frame import Frame, Texture, View
 from ..settings import Settings
-from ..stages import Stages, timed
-from ..triangulation import triangulate
+from ..support.stages import Stages, timed
+from .changed_directions import ChangedDirections
 from .coverage import Coverage, choose_views
 from .culling import clear_marks, cull_unmarked, mark_background, mark_missed
-from .directions import ChangedDirections
 from .maximum_depth import BLOCK, MaximumDepthImage, coding_row
+from .pbi import BackgroundImage
 from .pbs import ProbableBackgroundSurface, Surface
 from .tolerances import Tolerances, sampled_disparity, scene_tolerances, with_noise
 from .viewing_space import ViewingSpace, flag_hidden

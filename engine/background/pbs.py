@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..embree import Scene, intersect_address, occluded_address
-from ..mesh import Mesh
+from ..geometry.embree import Scene, intersect_address, occluded_address
+from ..geometry.mesh import Mesh
 
 __all__ = ["ProbableBackgroundSurface", "Surface"]
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..camera import Camera
-from ..depth import DepthCoding
-from ..frame import View
-from ..kernels.slack import Slack
+from ..kernels.base.tolerance import Slack
+from ..rig.camera import Camera
+from ..rig.depth import DepthCoding
+from ..rig.frame import View
 from ..settings import Settings
 
 __all__ = ["Tolerances", "sampled_disparity", "scene_tolerances", "with_noise"]

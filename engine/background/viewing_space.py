@@ -10,12 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from .. import threads as _threads  # noqa: F401 (the threading layer, before the first parallel kernel)
-from ..camera import Camera, Equirectangular, Pose
-from ..depth import DepthCoding
-from ..kernels.hidden import CELL, flag_unseen, mark_seen, spread_seen
-from ..kernels.slack import Slack
-from ..mesh import Mesh
+from ..geometry.mesh import Mesh
+from ..kernels.background.hidden import CELL, flag_unseen, mark_seen, spread_seen
+from ..kernels.base.tolerance import Slack
+from ..rig.camera import Camera, Equirectangular, Pose
+from ..rig.depth import DepthCoding
 from .pbs import ProbableBackgroundSurface, Surface
 
 __all__ = ["ViewingSpace", "flag_hidden"]
@@ -74,12 +73,12 @@ def flag_hidden(
     """Flags triangles of surfaces (each with the camera that it stems from) as invalid that other background hides
     from all of the space; returns how many, and the rays cast.
 
-    A triangle stays where one of the space's eyes is shown (`kernels.standing`, with its table, codes and slack) one of
-    some points of it, or what lies less than the slack before it; and so does what lies within CELL to 2 CELL pixels
-    of it in its picture. This is a sampled answer. Wrongly lost may be what heads between the eyes see through a gap
-    narrower than that, farther from the gap's sides than those pixels; and what is hidden now by something that is
-    taken for background and will go away, where the views do not show it then: holes in the background. And what is not
-    kept cannot show, behind something new, that this is foreground.
+    A triangle stays where one of the space's eyes is shown (`kernels.background.standing`, with its table, codes and
+    slack) one of some points of it, or what lies less than the slack before it; and so does what lies within CELL to 2
+    CELL pixels of it in its picture. This is a sampled answer. Wrongly lost may be what heads between the eyes see
+    through a gap narrower than that, farther from the gap's sides than those pixels; and what is hidden now by
+    something that is taken for background and will go away, where the views do not show it then: holes in the
+    background. And what is not kept cannot show, behind something new, that this is foreground.
     """
     eyes, rays, hidden, found = space.eyes(), 0, 0, []
     for camera, surface in surfaces:

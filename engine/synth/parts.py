@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..kernels.patterns import MATERIAL_SIZE
-from ..kernels.trace import BOX, CAPSULE, CYLINDER, ELLIPSOID, PART_SIZE
+from ..kernels.synth.patterns import MATERIAL_SIZE
+from ..kernels.synth.trace import BOX, CAPSULE, CYLINDER, ELLIPSOID, PART_SIZE
 
 __all__ = ["Group", "Palette", "Part", "box", "capsule", "cylinder", "ellipsoid", "pack", "placed", "turn"]
 
@@ -19,7 +19,7 @@ Vector = Sequence[float] | FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One solid: its kind (`kernels.trace`), material, pose (metres, world from part) and half sizes."""
+    """One solid: its kind (`kernels.synth.trace`), material, pose (metres, world from part) and half sizes."""
 
     kind: int
     material: int
@@ -60,7 +60,7 @@ class Palette:
         scale: float = 0.2,
         rough: float = 0.4,
     ) -> int:
-        """A new material: pattern (`kernels.patterns`), two linear RGB colours, scale in metres, contrast."""
+        """A new material: pattern (`kernels.synth.patterns`), two linear RGB colours, scale in metres, contrast."""
         other = [0.55 * c for c in colour] if other is None else other
         self._rows.append(
             np.array([pattern, *colour, *other, scale, self._seed + 101 * len(self._rows), rough])

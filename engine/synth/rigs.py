@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..camera import Camera, Equirectangular, Perspective, Pose, Projection
-from ..depth import DepthCoding
+from ..rig.camera import Camera, Equirectangular, Perspective, Pose, Projection
+from ..rig.depth import DepthCoding
 
 __all__ = ["Rig", "twin_cameras"]
 

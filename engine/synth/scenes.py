@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ..kernels import patterns as p
+from ..kernels.synth import patterns as p
 from .furniture import armchair, bench, bookcase, column, picture, plant, room, statue, table, vase
 from .outdoors import car, driver, house, lamp_post, tree
 from .parts import Group, Palette, box, capsule, cylinder, ellipsoid, pack, placed, turn
@@ -19,7 +19,7 @@ from .people import Actor, Clothes, Path, ball, carton, frog, stander, walker
 __all__ = ["TWINS", "Packed", "Scene", "make_scene"]
 
 FloatArray = npt.NDArray[np.float64]
-Packed = tuple[FloatArray, FloatArray]  # parts and groups, as `kernels.trace` reads them
+Packed = tuple[FloatArray, FloatArray]  # parts and groups, as `kernels.synth.trace` reads them
 
 
 @dataclass(frozen=True, eq=False)

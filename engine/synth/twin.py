@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from .. import threads  # noqa: F401  before the first parallel kernel
-from ..camera import Camera
-from ..frame import Frame, Texture, View
-from ..kernels.depth_noise import perturb_codes
-from ..kernels.trace import trace_picture
-from ..tmiv import SequenceWriter
+from ..io.tmiv import SequenceWriter
+from ..kernels.evaluation.depth_noise import perturb_codes
+from ..kernels.synth.trace import trace_picture
+from ..rig.camera import Camera
+from ..rig.frame import Frame, Texture, View
 from .rigs import Rig, twin_cameras
 from .scenes import Packed, Scene, make_scene
 

@@ -1,4 +1,4 @@
-"""Depth completion in plain loops over double precision: what `farside.engine.kernels.complete` computes."""
+"""Depth completion in plain loops over double precision: what `farside.engine.kernels.geometry.complete` computes."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from farside.engine.kernels.cuts import CUT_DOWN, CUT_RIGHT
+from farside.engine.kernels.geometry.cuts import CUT_DOWN, CUT_RIGHT
 
 
 def one_surface(codes, cuts, y, x):

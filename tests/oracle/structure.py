@@ -6,7 +6,7 @@ import math
 from itertools import product
 
 import numpy as np
-from farside.engine.kernels.structure import ANGLES, LEVELS, MIXED, SAME, WINDOW
+from farside.engine.kernels.rendering.structure import ANGLES, LEVELS, MIXED, SAME, WINDOW
 
 
 def neighbours(shape, pixel):

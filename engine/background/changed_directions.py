@@ -1,0 +1,43 @@
+"""Where geometry has changed, as each camera sees it: only there its culling rays can find something else."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..geometry.mesh import Mesh
+from ..kernels.background.directions import COLUMNS, ROWS, forget_marks, note_directions
+from ..kernels.base.tolerance import Slack
+from .pbs import Surface
+
+__all__ = ["ChangedDirections"]
+
+
+class ChangedDirections:
+    """The directions from each camera in which there is new geometry since its last turn, and how far away.
+
+    packed [n, CAMERA_SIZE]: the cameras as kernels take them, read when they are needed.
+    """
+
+    def __init__(self, packed: npt.NDArray[np.float64]) -> None:
+        self._packed = packed
+        self._cells = np.zeros((len(packed), ROWS, COLUMNS), np.float32)  # metres; 0: none
+
+    def add(self, mesh: Mesh, which: npt.NDArray[np.int64]) -> None:
+        """Triangles of a mesh are new, or elsewhere."""
+        note_directions(self._packed, mesh.points, mesh.triangles, which, self._cells)
+
+    def add_all(self) -> None:
+        """All geometry may be elsewhere."""
+        self._cells[:] = np.inf
+
+    def forget(self, camera: int, surfaces: list[Surface], delta: Slack) -> None:
+        """A camera's turn: takes its marks from what has changes behind it, by delta / 2, and forgets these."""
+        cells, word, bit = self._cells[camera], camera // 64, np.uint64(1 << (camera % 64))
+        if cells.any():
+            for surface in surfaces:
+                mesh = surface.mesh
+                forget_marks(
+                    self._packed[camera], mesh.points, mesh.triangles, cells, delta, surface.marks, word, bit
+                )  # fmt: skip
+            cells[:] = 0

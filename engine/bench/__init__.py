@@ -1,1 +1,0 @@
-"""Benchmarks: they measure, the tests verify."""

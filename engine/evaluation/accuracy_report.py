@@ -1,0 +1,233 @@
+"""The figures of `accuracy` as CSV, JSON and one HTML page with pictures, the worst first."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import json
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from ..rig.frame import Texture
+from ..rig.texture import to_rgb
+from .accuracy import Judged, Sample, summarise
+
+__all__ = ["Report", "summary_table"]
+
+Rgb = npt.NDArray[np.uint8]  # [h, w, 3]
+
+AMPLIFIED = 4  # how many times differences are shown larger
+THUMBNAIL_PX = 300
+SPOT_PX = 48  # side of the square about the worst place
+SHOWN = 24  # pictures of a sequence on the page; the files of all are written
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.3f} %"
+
+
+# The summary's columns: key, title, what a value looks like.
+SUMMARY: tuple[tuple[str, str, Callable[..., str]], ...] = (
+    ("sequence", "sequence", str),
+    ("quality", "quality", str),
+    ("views", "views", str),
+    ("model", "model", lambda on: "on" if on else "off"),
+    ("psnr_y", "PSNR-Y", "{:.2f}".format),
+    ("ws_psnr_y", "WS-PSNR-Y", "{:.2f}".format),
+    ("iv_psnr", "IV-PSNR", "{:.2f}".format),
+    ("worst", "worst IV", "{:.2f}".format),
+    ("ssim", "SSIM", "{:.4f}".format),
+    ("holes_warped", "holes", _percent),
+    ("holes_backdrop", "after backdrop", _percent),
+    ("ghosts", "ghosts", _percent),
+    ("flicker", "flicker", "{:.2f}".format),
+    ("bias_px", "bias px", "{:+.3f}".format),
+    ("roughness_px", "rough px", "{:.3f}".format),
+    ("truth_roughness_px", "(truth)", "{:.3f}".format),
+    ("thin", "thin", lambda share: f"{100 * share:.1f} %"),
+)
+
+MEANING = """Means over cameras and frames. PSNR in dB; WS-PSNR of equirectangular cameras; worst IV: the lowest IV-PSNR
+of a picture. Holes: pixels that no view drew, and that the background model did not close either. Ghosts: pixels where
+the model is nearer than both the background and the present. Flicker: change from the frame before over that of the
+truth, where the truth keeps still. Bias: by how much silhouettes reach out too far (fattened, above 0) or not far
+enough; rough: RMS about their smooth course (serration), beside that of the truth itself, whose pixels have four
+samples. Thin: the part of structures up to two pixels wide that is
+rendered at its depth. Ghosts, bias, rough and thin: twins only."""
+
+STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 1500px; padding: 0 1rem; color: #1c2530 }
+h1, h2 { line-height: 1.2 } h2 { margin-top: 2.5rem } p { max-width: 60rem; color: #46525f }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 13px }
+th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #e3e7ec; white-space: nowrap }
+th { background: #f3f5f8; position: sticky; top: 0 } td:first-child, th:first-child { text-align: left }
+tr:hover td { background: #f8fafc } .wide { overflow-x: auto }
+article { margin: 1.2rem 0; padding-top: .6rem; border-top: 1px solid #cfd6de } article h3 { margin: 0 0 .3rem }
+article small { color: #5b6875; font-weight: normal }
+.row { display: flex; gap: .5rem; align-items: flex-start } figure { margin: 0; flex: 1 1 0; min-width: 0 }
+figure img { width: 100%; display: block; background: #111 } figcaption { font-size: 12px; color: #5b6875 }
+figure.spot { flex: 0 0 192px } figure.spot img { image-rendering: pixelated; width: 192px }
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A judged picture's figures and what the page shows of it: captions, data URIs and the files they link to."""
+
+    sample: Sample
+    pictures: list[tuple[str, str, str]]
+    spots: list[tuple[str, str]]
+
+
+class Report:
+    """A folder that judged pictures are added to; `finish` writes accuracy.csv, accuracy.json and index.html."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._entries: list[_Entry] = []
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def add(self, judged: Judged) -> None:
+        """Write a picture's PNG files and keep its figures and thumbnails."""
+        sample, case = judged.sample, judged.sample.case
+        truth, ours = to_rgb(judged.truth), to_rgb(judged.picture.texture)
+        of = re.sub(r"[^\w.-]", "_", f"{case.sequence}_{case.camera}_f{sample.frame:03d}")
+        made = f"{of}_{case.quality}_v{case.views}_{'model' if case.model else 'plain'}"
+        difference = np.minimum(AMPLIFIED * np.abs(truth.astype(np.int16) - ours), 255).astype(np.uint8)
+        holes = _hole_picture(ours, judged.picture.holes(), judged.picture.holes(warped=True))
+        pictures = [
+            ("truth", f"{of}_truth.png", truth),
+            ("ours", f"{made}.png", ours),
+            (f"difference, {AMPLIFIED} times", f"{made}_difference.png", difference),
+            ("holes: red filled, blue backdrop", f"{made}_holes.png", holes),
+        ]
+        for _caption, name, picture in pictures:
+            Image.fromarray(picture).save(self.folder / name)
+        place = _worst_place(judged.truth, judged.picture.texture)
+        spots = [(caption, _data_uri(picture[place], "PNG")) for caption, _name, picture in pictures[:2]]
+        shown = [(caption, name, _data_uri(_thumbnail(picture), "JPEG")) for caption, name, picture in pictures]
+        self._entries.append(_Entry(sample, shown, spots))
+
+    def finish(self, title: str) -> Path:
+        """Write the three files; returns the page's path. ValueError where nothing was added."""
+        if not self._entries:
+            raise ValueError("report: no picture: expected at least one")
+        samples = [entry.sample for entry in self._entries]
+        rows = [sample.row() for sample in samples]
+        with (self.folder / "accuracy.csv").open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+        figures = {"title": title, "summary": summarise(samples), "samples": rows}
+        (self.folder / "accuracy.json").write_text(json.dumps(figures, indent=1) + "\n", "utf-8")
+        page = self.folder / "index.html"
+        page.write_text(_page(title, self._entries), "utf-8")
+        return page
+
+
+def summary_table(samples: Sequence[Sample]) -> tuple[list[str], list[list[str]]]:
+    """The titles and the rows of `summarise` as text, without columns that no row has a figure for."""
+    rows = summarise(samples)
+    columns = [column for column in SUMMARY if any(row[column[0]] is not None for row in rows)]
+    cells = [["" if row[key] is None else form(row[key]) for key, _title, form in columns] for row in rows]
+    return [title for _key, title, _form in columns], cells
+
+
+def _hole_picture(picture: Rgb, holes: npt.NDArray[np.bool_], warped: npt.NDArray[np.bool_]) -> Rgb:
+    """The picture in dark grey; what only filling coloured in red, what only the backdrop drew in blue."""
+    out = np.repeat((picture.mean(axis=2, keepdims=True) / 3).astype(np.uint8), 3, axis=2)
+    out[warped] = (90, 160, 255)
+    out[holes] = (255, 60, 60)
+    return out
+
+
+def _worst_place(truth: Texture, ours: Texture) -> tuple[slice, slice]:
+    """The square of SPOT_PX with the greatest squared error of luma, among those on a grid of half its side."""
+    h, w = truth.y.shape
+    squared = (truth.y.astype(np.float64) - ours.y) ** 2
+    tops, lefts = (range(0, max(1, size - SPOT_PX + 1), SPOT_PX // 2) for size in (h, w))
+    places = [(slice(top, top + SPOT_PX), slice(left, left + SPOT_PX)) for top in tops for left in lefts]
+    return max(places, key=lambda place: float(squared[place].sum()))
+
+
+def _thumbnail(picture: Rgb) -> Rgb:
+    image = Image.fromarray(picture)
+    image.thumbnail((THUMBNAIL_PX, THUMBNAIL_PX))
+    return np.asarray(image)
+
+
+def _data_uri(picture: Rgb, kind: str) -> str:
+    data = BytesIO()
+    Image.fromarray(np.ascontiguousarray(picture)).save(data, kind, quality=80)
+    return f"data:image/{kind.lower()};base64,{base64.b64encode(data.getvalue()).decode('ascii')}"
+
+
+def _page(title: str, entries: Sequence[_Entry]) -> str:
+    samples = [entry.sample for entry in entries]
+    worst_first = sorted(entries, key=lambda entry: entry.sample.iv_psnr)
+    sequences = dict.fromkeys(entry.sample.case.sequence for entry in worst_first)
+    sheets = (_sheet(name, [e for e in worst_first if e.sample.case.sequence == name]) for name in sequences)
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>{escape(title)}</title><style>{STYLE}</style></head><body>
+<h1>{escape(title)}</h1>
+{_table(*summary_table(samples))}
+<p>{MEANING}</p>
+{"".join(sheets)}
+<h2>All pictures</h2>
+{_all(worst_first)}
+</body></html>
+"""
+
+
+def _sheet(name: str, entries: Sequence[_Entry]) -> str:
+    kept = f", the {SHOWN} worst of {len(entries)}" if len(entries) > SHOWN else ""
+    return f"<h2>{escape(name)}: worst first{kept}</h2>" + "".join(_article(entry) for entry in entries[:SHOWN])
+
+
+def _article(entry: _Entry) -> str:
+    sample, case = entry.sample, entry.sample.case
+    figures = [f"SSIM {sample.ssim:.4f}", f"holes {_percent(sample.holes_backdrop)}"]
+    if sample.bias_px is not None:
+        figures.append(f"silhouettes {sample.bias_px:+.2f} px")
+    pictures = "".join(
+        f'<figure><a href="{escape(file)}"><img src="{uri}" alt=""></a><figcaption>{caption}</figcaption></figure>'
+        for caption, file, uri in entry.pictures
+    )
+    spots = "".join(
+        f'<figure class="spot"><img src="{uri}" alt=""><figcaption>worst place, {caption}</figcaption></figure>'
+        for caption, uri in entry.spots
+    )
+    return f"""<article><h3>{sample.iv_psnr:.2f} dB <small>{escape(_label(sample))}, {case.quality};
+PSNR-Y {sample.psnr_y:.2f} dB, {", ".join(figures)}</small></h3><div class="row">{pictures}{spots}</div></article>
+"""
+
+
+def _label(sample: Sample) -> str:
+    case = sample.case
+    return f"{case.camera}, frame {sample.frame}, {case.views} views, model {'on' if case.model else 'off'}"
+
+
+def _all(entries: Sequence[_Entry]) -> str:
+    rows = [entry.sample.row() for entry in entries]
+    return _table(list(rows[0]), [[_plain(value) for value in row.values()] for row in rows])
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.4f}"
+    return "" if value is None else str(value)
+
+
+def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f"<th>{escape(title)}</th>" for title in titles)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>\n" for row in rows)
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>\n{body}</tbody></table></div>'

@@ -1,0 +1,108 @@
+"""What following exposure is worth: a twin whose views are given other exposures and white balances, by its truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ..background.exposure import packed
+from ..pipeline.engine import Engine
+from ..rig.frame import Frame, Texture
+from ..rig.texture import toned_texture
+from ..settings import Settings
+from ..synth import make_twin, twin_frame
+from .metrics import iv_psnr, psnr
+
+__all__ = [
+    "ExposureReport",
+    "ExposureRow",
+    "measure_exposure",
+    "misexposed",
+    "random_tones",
+    "tone_errors",
+    "without_gain",
+]
+
+FloatArray = npt.NDArray[np.float64]
+
+_REPEATS = 8
+_GREY = np.array([438.0, 0.0, 0.0, 1.0])  # the middle of luma's range, relative to black and grey
+
+
+@dataclass(frozen=True, slots=True)
+class ExposureRow:
+    """A picture's (PSNR-Y, IV-PSNR) in dB, up to a gain: from unaltered views; from altered ones, left and followed."""
+
+    camera: str
+    clean: tuple[float, float]
+    off: tuple[float, float]
+    on: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ExposureReport:
+    """before, after: root mean square of the views' differences in Y', Cb and Cr at mid grey, codes [3].
+
+    update_ms: what following costs a frame, the quickest of a few.
+    """
+
+    rows: list[ExposureRow]
+    before: FloatArray
+    after: FloatArray
+    update_ms: float
+
+
+def random_tones(count: int, seed: int, gain: float = 0.15, balance: float = 0.04) -> FloatArray:  # [count, 4, 4]
+    """Tones with gains up to 1 +- gain, tints up to +- balance, and a few codes of luma offset."""
+    rng = np.random.default_rng(seed)
+    tones = np.tile(np.eye(4), (count, 1, 1))
+    tones[:, [0, 1, 2], [0, 1, 2]] = rng.uniform(1 - gain, 1 + gain, (count, 1))
+    tones[:, 1:3, 0] = rng.uniform(-balance, balance, (count, 2))
+    tones[:, 0, 3] = rng.uniform(-4.0, 4.0, count)
+    return tones
+
+
+def misexposed(frame: Frame, tones: FloatArray) -> Frame:
+    """The frame as cameras with other tones [n, 4, 4] would have seen it."""
+    views = zip(frame.views, packed(tones), strict=True)
+    return replace(frame, views=tuple(replace(view, texture=toned_texture(view.texture, tone)) for view, tone in views))
+
+
+def tone_errors(tones: FloatArray, truth: FloatArray) -> FloatArray:  # [n, 4, 4] each -> [n, 3]
+    """How far views are from each other at mid grey, brought to the common tone: code values off their mean."""
+    shown = (np.linalg.inv(tones) @ truth @ _GREY)[:, :3]
+    errors: FloatArray = shown - shown.mean(axis=0)
+    return errors
+
+
+def without_gain(truth: Texture, picture: Texture) -> Texture:
+    """The picture with the gain of luma and chroma that fits the truth's luma best."""
+    y, wanted = picture.y.astype(float) - 64.0, truth.y.astype(float) - 64.0
+    return toned_texture(picture, packed(np.diag([*3 * [(y * wanted).sum() / (y * y).sum()], 1.0])[None])[0])
+
+
+def measure_exposure(name: str, scale: float, quality: str, seed: int = 0) -> ExposureReport:
+    """Render a twin's virtual cameras in its first frame, and time later updates with the same frame."""
+    twin = make_twin(name, scale)
+    frame = twin_frame(twin, 0)
+    tones = random_tones(len(frame.views), seed)
+    altered = misexposed(frame, tones)
+    targets = {target: twin.camera(target) for target in twin.rig.target_names}
+    engines = []
+    for one, follow_s in ((frame, 0.0), (altered, 0.0), (altered, 0.5)):
+        engine = Engine(twin.sources, Settings.preset(quality, exposure_s=follow_s))
+        engine.update(one, targets)
+        engines.append(engine)
+    rows = []
+    for name, target in targets.items():
+        truth = twin.truth(target, 0).texture
+        pictures = [without_gain(truth, engine.render_camera(target, name).texture) for engine in engines]
+        rows.append(ExposureRow(name, *((psnr(truth, picture)[0], iv_psnr(truth, picture)) for picture in pictures)))
+    found = engines[-1].tones
+    assert found is not None
+    left = np.tile(np.eye(4), (len(tones), 1, 1))
+    before, after = (np.sqrt((tone_errors(guess, tones) ** 2).mean(axis=0)) for guess in (left, found))
+    update_ms = min(engines[-1].update(altered).stages["exposure"] for _ in range(_REPEATS))
+    return ExposureReport(rows, before, after, update_ms)

@@ -1,0 +1,124 @@
+"""Objective quality: PSNR, WS-PSNR and IV-PSNR, as MPEG's IV-PSNR tool prints them, and SSIM.
+
+Pictures are 4:2:0 `Texture`s with codes of `bits` bits; chroma is compared at luma resolution (replicated),
+so every plane has the luma's number of pixels N. An error of 0 counts as 1: identical planes have
+10 log10(N peak^2).
+IV-PSNR: Dziembowski et al., IEEE TCSVT 32(11), 2022. SSIM: Wang et al., IEEE TIP 13(4), 2004.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from ..kernels.evaluation.metrics import match_errors, similarity_rows
+from ..rig.camera import Camera, Equirectangular
+from ..rig.frame import Texture
+from ..support import runtime
+
+__all__ = ["Erp", "erp_range", "iv_psnr", "psnr", "ssim", "ws_psnr"]
+
+WEIGHTS = np.array([4, 1, 1])  # of Y, Cb, Cr: in the search for matches and in the mean of their PSNRs
+UNNOTICEABLE = 0.01  # of the peak: the largest global colour difference that is forgiven
+WINDOW, SIGMA, K1, K2 = 11, 1.5, 0.01, 0.03  # SSIM: pixels each way, standard deviation in pixels, constants
+
+Erp = tuple[float, float]  # horizontal and vertical range of an equirectangular picture, degrees
+FloatArray = npt.NDArray[np.float64]
+
+
+def erp_range(camera: Camera) -> Erp | None:
+    """Ranges of an equirectangular camera in degrees; None for others."""
+    p = camera.projection
+    if not isinstance(p, Equirectangular):
+        return None
+    return math.degrees(float(np.ptp(p.hor_range))), math.degrees(float(np.ptp(p.ver_range)))
+
+
+def psnr(ref: Texture, test: Texture, *, bits: int = 10) -> tuple[float, float, float]:
+    """PSNR of Y, Cb and Cr, dB. Raises ValueError where the sizes differ."""
+    return _plane_psnrs(_row_errors(ref, test).sum(axis=0), ref, bits)
+
+
+def ws_psnr(ref: Texture, test: Texture, erp: Erp, *, bits: int = 10) -> tuple[float, float, float]:
+    """PSNR of Y, Cb and Cr with rows weighted by the solid angle of their pixels, dB."""
+    weights = _row_weights(ref.y.shape[0], erp)
+    errors = weights @ _row_errors(ref, test) * (len(weights) / weights.sum())
+    return _plane_psnrs(errors, ref, bits)
+
+
+def iv_psnr(ref: Texture, test: Texture, erp: Erp | None = None, *, bits: int = 10) -> float:
+    """IV-PSNR, dB: forgives a small global colour difference and shifts of up to two pixels.
+
+    With `erp` rows are weighted by the solid angle of their pixels.
+    """
+    _check_sizes(ref, test)
+    runtime.require_tbb()
+    planes, others = _full(ref), _full(test)
+    limit = round(UNNOTICEABLE * _peak(bits))
+    means = (others.mean(axis=(1, 2), dtype=np.float64) - planes.mean(axis=(1, 2), dtype=np.float64)).tolist()
+    shift = np.array([max(-limit, min(limit, _round(mean))) for mean in means])
+    weights = np.ones(ref.y.shape[0]) if erp is None else _row_weights(ref.y.shape[0], erp)
+    both = (match_errors(planes, others, shift, WEIGHTS), match_errors(others, planes, -shift, WEIGHTS))
+    qualities = [np.array(_plane_psnrs(weights @ rows, ref, bits)) for rows in both]
+    return float(min(WEIGHTS @ quality for quality in qualities) / WEIGHTS.sum())
+
+
+def ssim(ref: Texture, test: Texture, *, bits: int = 10) -> float:
+    """Mean structural similarity of luma, at most 1: Gaussian windows that lie inside the picture, no down-sampling.
+
+    Raises ValueError where the sizes differ or are less than the window's 11 pixels.
+    """
+    _check_sizes(ref, test)
+    if min(ref.y.shape) < WINDOW:
+        raise ValueError(f"picture: {ref.y.shape[::-1]}: expected at least {WINDOW} pixels each way for SSIM")
+    runtime.require_tbb()
+    offsets = np.arange(WINDOW) - WINDOW // 2
+    window = np.exp(-(offsets**2) / (2 * SIGMA**2))
+    rows = similarity_rows(ref.y, test.y, window / window.sum(), (K1 * _peak(bits)) ** 2, (K2 * _peak(bits)) ** 2)
+    return float(rows.sum() / (rows.size * (ref.y.shape[1] - WINDOW + 1)))
+
+
+def _row_errors(ref: Texture, test: Texture) -> npt.NDArray[np.int64]:  # [h, 3]
+    """Squared errors summed over each row."""
+    _check_sizes(ref, test)
+    difference = _full(ref).astype(np.int64) - _full(test)
+    errors: npt.NDArray[np.int64] = np.einsum("chw,chw->hc", difference, difference)
+    return errors
+
+
+def _full(texture: Texture) -> npt.NDArray[np.uint16]:  # [3, h, w]
+    """All planes at luma resolution."""
+    h, w = texture.y.shape
+    chroma = [plane.repeat(2, 0).repeat(2, 1)[:h, :w] for plane in (texture.cb, texture.cr)]
+    return np.stack([texture.y, *chroma])
+
+
+def _row_weights(height: int, erp: Erp) -> FloatArray:  # [h]
+    """Cosines of the rows' elevations, the range centred on the horizon."""
+    if not (0 < erp[0] <= 360 and 0 < erp[1] <= 180):
+        raise ValueError(f"erp: {erp!r}: expected horizontal and vertical ranges up to 360 and 180 degrees")
+    elevations = ((np.arange(height) + 0.5) / height - 0.5) * math.radians(erp[1])
+    return np.cos(elevations)
+
+
+def _plane_psnrs(errors: npt.NDArray[np.number], ref: Texture, bits: int) -> tuple[float, float, float]:
+    signal = ref.y.size * _peak(bits) ** 2
+    y, cb, cr = (10 * math.log10(signal / (float(error) or 1.0)) for error in errors)
+    return y, cb, cr
+
+
+def _peak(bits: int) -> int:
+    return (1 << bits) - 1
+
+
+def _round(value: float) -> int:
+    """Halves away from zero, so that both directions get the same shift."""
+    return int(math.copysign(math.floor(abs(value) + 0.5), value))
+
+
+def _check_sizes(ref: Texture, test: Texture) -> None:
+    if ref.y.shape != test.y.shape:
+        size, expected = test.y.shape[::-1], ref.y.shape[::-1]
+        raise ValueError(f"test picture: {size}: expected the reference's size {expected}")

@@ -1,0 +1,81 @@
+"""What prefiltering is worth in pictures that are coarser than the views: eyes amid a twin's cameras, by its truth."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..geometry.minification import Level, halved
+from ..geometry.prepared_view import pixels_per_radian
+from ..geometry.scene_scale import Scene
+from ..geometry.triangulation import depth_cuts
+from ..pipeline.engine import Engine
+from ..rig.camera import Camera, Perspective
+from ..rig.frame import Frame, View
+from ..settings import Settings
+from ..synth import make_twin, render_view, twin_frame
+from .metrics import iv_psnr, psnr, ssim
+
+__all__ = ["RATIOS", "MinifiedRow", "halving_cost", "measure_minified"]
+
+RATIOS = (1.5, 1.75, 2.0, 3.0, 4.0)
+_FOV = math.radians(75.0)
+_SAMPLES = 5  # squared a pixel: a truth that does not alias
+_REPEATS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class MinifiedRow:
+    """A picture with so many view pixels to one of its own: (PSNR-Y, IV-PSNR in dB, SSIM) without and with."""
+
+    ratio: float
+    width: int
+    off: tuple[float, float, float]
+    on: tuple[float, float, float]
+
+
+def measure_minified(name: str, scale: float, quality: str, views: int) -> Iterator[MinifiedRow]:
+    """Render eyes in the middle of a twin's first views, from its first frame and these views alone."""
+    twin = make_twin(name, scale)
+    frame = twin_frame(twin, 0, twin.source_names[:views])
+    cameras = [view.camera for view in frame.views]
+    engines = []
+    for prefilter in (False, True):
+        engine = Engine(cameras, Settings.preset(quality, background=False, prefilter=prefilter))
+        engine.update(frame)
+        engines.append(engine)
+    x, y, z = (float(c) for c in np.mean([camera.pose.position for camera in cameras], axis=0))
+    pose = replace(cameras[0].pose, position=(x, y, z))
+    for ratio in RATIOS:
+        eye = Camera("eye", _eye(cameras[0], ratio), pose, cameras[0].depth)
+        truth = render_view(twin.scene, eye, 0.0, samples=_SAMPLES).texture
+        pictures = [engine.render_camera(eye).texture for engine in engines]
+        off, on = ((psnr(truth, picture)[0], iv_psnr(truth, picture), ssim(truth, picture)) for picture in pictures)
+        yield MinifiedRow(ratio, eye.width, off, on)
+
+
+def _eye(camera: Camera, ratio: float) -> Perspective:
+    """An eye with a pixel for so many of a camera: the camera's own picture if it is perspective."""
+    if isinstance(camera.projection, Perspective):
+        return camera.projection.scaled(1.0 / ratio)
+    width = 2 * round(math.tan(0.5 * _FOV) * pixels_per_radian(camera) / ratio)
+    return Perspective.from_fov(width, width, _FOV)
+
+
+def halving_cost(view: View) -> float:
+    """Milliseconds of CPU time that halving a view costs for each of its megapixels, the least of a few."""
+    options = Scene.of([view.camera], Settings(), Frame(0, (view,))).triangulation(view.camera, Settings())
+    texture = view.texture
+    cuts = depth_cuts(view.camera, view.codes, options)
+    level = Level(view.camera, view.codes, texture.y, texture.cb, texture.cr, cuts)
+    halved(level, options)  # compiles
+    spent = []
+    for _ in range(_REPEATS):
+        start = time.process_time()
+        halved(level, options)
+        spent.append(time.process_time() - start)
+    return 1e3 * min(spent) / (1e-6 * view.codes.size)

@@ -1,0 +1,419 @@
+"""Speed against accuracy: what each knob costs and is worth, one at a time around `balanced`, and over a grid.
+
+A variant is `balanced` with something changed. All play the same frames side by side, some of them apart so that people
+move on, and their pictures of later frames are compared with the truth, before they are encoded and as they arrive.
+Pictures of a smaller scale are enlarged to the truth's size first, bilinearly, as whoever shows them does.
+
+Times are CPU times on one thread, as ratios to `balanced`'s, which is timed again beside each: the median of several
+such pairs. What the model is made by is varied with one view a picture, so that much of it depends on the model. Two
+knobs that one might look for are none: how far filling reaches (it costs next to nothing) and the backdrop's size on
+its own (`pbi_scale` is it).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from ..live.governor import LADDER
+from ..pipeline.engine import Engine, Viewer
+from ..rig.frame import Frame, Texture
+from ..rig.texture import decode_jpeg, encode_jpeg
+from ..rig.viewer import RenderedPicture, StereoView
+from ..settings import PER_PICTURE, QUALITIES, Settings
+from .material import Material, TwinMaterial, default_targets
+from .metrics import erp_range, iv_psnr, psnr
+from .stages import head_amid, one_thread
+
+__all__ = ["Plan", "Point", "Row", "Variant", "pareto", "step_count", "summarise", "sweep", "variants"]
+
+T = TypeVar("T")
+
+KNOBS: dict[str, tuple[object, ...]] = {
+    "tolerance_px": (0.0, 0.1, 0.5, 1.0),
+    "n_render": (2, 3, 4, 8),
+    "blend": (1, 2, 5),
+    "cubic": (False,),
+    "prefilter": (False,),
+    "antialias": ("none", "samples"),
+    "overdraw": (False,),
+    "rims": (False,),
+    "fill": ("none", "smooth"),
+    "output_scale": (0.5, 0.7, 0.85),
+    "exposure_s": (0.0,),
+    "jpeg_quality": (50, 70, 80, 95),
+}
+MODEL_KNOBS: dict[str, tuple[object, ...]] = {
+    "background": (False,),
+    "n_init": (2, 12),
+    "n_update": (3, 6),
+    "update_interval": (2, 4),
+    "culling_stride": (1, 4),
+    "pbi_scale": (0.25, 1.0),
+    "pbi_margin_rad": (0.0, 0.1),
+}
+COLOURS: dict[str, dict[str, object]] = {
+    "plain": {"blend": 1, "cubic": False, "overdraw": False, "rims": False, "antialias": "none"},
+    "balanced": {},
+    "fine": {"blend": 5, "antialias": "samples"},
+}
+GRID = (tuple(COLOURS), (2, 3, 5), (0.5, 0.7, 1.0))  # colours, views, output scale
+FEW = 1  # views a picture where the model's knobs are varied
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """Settings, and those whose time they are measured against. kind: preset, picture, model, grid or ladder."""
+
+    kind: str
+    knob: str
+    value: str
+    settings: Settings
+    base: Settings
+
+    @property
+    def is_base(self) -> bool:
+        """Whether it is what others are measured against."""
+        return self.settings == self.base
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """frames: how many are played, every `step`-th of the video; judged: how many of the later ones; rounds: timing."""
+
+    frames: int = 12
+    step: int = 4
+    judged: int = 3
+    rounds: int = 5
+
+    def __post_init__(self) -> None:
+        for name in ("frames", "step", "judged", "rounds"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 1")
+
+    def indices(self, material: Material) -> list[int]:
+        """The video frames that are played."""
+        return list(range(0, min(self.frames * self.step, material.frame_count), self.step))
+
+    def is_judged(self, number: int, count: int) -> bool:
+        """Whether pictures of the number-th of `count` frames are judged: the last, and others of the later half."""
+        return number in np.linspace(count - 1, count // 2, self.judged).round()
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What a variant costs and is worth on a sequence or twin.
+
+    IV-PSNR and PSNR-Y in dB before encoding; sent: IV-PSNR as it arrives. Ratios of CPU time to the base: time (of
+    rendering), total (with encoding), update (a later frame in the back end), first (the first frame there). Fractions
+    of pixels: holes before the backdrop and after it. Of a pair, or of all pictures of a sequence: bytes, triangles
+    drawn. rays: of model and PBI, a later frame.
+    """
+
+    material: str
+    kind: str
+    knob: str
+    value: str
+    iv_psnr: float
+    psnr_y: float
+    sent: float
+    time: float
+    total: float
+    update: float
+    first: float
+    holes_warped: float
+    holes_backdrop: float
+    bytes: float
+    triangles: float
+    rays: float
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A variant over all materials: mean dB more than the base (iv_psnr, sent), mean ratios (bytes too) and holes."""
+
+    kind: str
+    knob: str
+    value: str
+    iv_psnr: float
+    sent: float
+    time: float
+    total: float
+    update: float
+    first: float
+    holes: float
+    bytes: float
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return self.value if self.kind in ("preset", "ladder") else f"{self.knob} {self.value}"
+
+
+def variants() -> list[Variant]:
+    """All that are swept, each once: `balanced` first."""
+    balanced = Settings.preset("balanced")
+    few = dataclasses.replace(balanced, n_render=FEW)
+    found = [Variant("preset", "preset", name, Settings.preset(name), balanced) for name in ("balanced", *QUALITIES)]
+    found += _one_at_a_time("picture", KNOBS, balanced)
+    found.append(Variant("model", "n_render", str(FEW), few, few))
+    found += _one_at_a_time("model", MODEL_KNOBS, few)
+    for name, _cost, preset, changes in LADDER:
+        found.append(Variant("ladder", "rung", name, Settings.preset(preset, **changes), balanced))
+    for colours, views, scale in itertools.product(*GRID):
+        settings = dataclasses.replace(balanced, n_render=views, output_scale=scale, **COLOURS[colours])  # type: ignore[arg-type]
+        found.append(Variant("grid", "views, scale, colours", f"{views}, {scale:g}, {colours}", settings, balanced))
+    once = {(variant.settings, variant.base): variant for variant in reversed(found)}
+    return [variant for variant in found if once[variant.settings, variant.base] is variant]
+
+
+def _one_at_a_time(kind: str, knobs: Mapping[str, Sequence[object]], base: Settings) -> list[Variant]:
+    return [
+        Variant(kind, knob, f"{value:g}" if isinstance(value, float) else str(value), _changed(base, knob, value), base)
+        for knob, values in knobs.items()
+        for value in values
+    ]
+
+
+def _changed(base: Settings, knob: str, value: object) -> Settings:
+    return dataclasses.replace(base, **{knob: value})  # type: ignore[arg-type]
+
+
+def step_count(plan: Plan, material: Material) -> int:
+    """How many steps of progress `sweep` makes."""
+    return len(plan.indices(material)) + plan.rounds
+
+
+def sweep(
+    material: Material, swept: Sequence[Variant], plan: Plan, progress: Callable[[], None] = lambda: None
+) -> list[Row]:
+    """Play a sequence or twin through all variants side by side; a row for each, in their order.
+
+    Raises ValueError where no virtual camera has a ground truth.
+    """
+    run = _Sweep(material, swept, plan)
+    indices = plan.indices(material)
+    with one_thread():
+        run.warm_up(material.frame(indices[0], material.source_names))
+        for number, index in enumerate(indices):
+            run.play(material.frame(index, material.source_names))
+            if plan.is_judged(number, len(indices)):
+                run.judge(index)
+            progress()
+        for _ in range(plan.rounds):
+            run.time()
+            progress()
+    return run.rows()
+
+
+@dataclass(slots=True)
+class _Figures:
+    """Samples of a variant: figures of its pictures by name, ratios of times, counts."""
+
+    pictures: list[dict[str, float]] = field(default_factory=list)
+    rendering: list[float] = field(default_factory=list)
+    encoding: list[float] = field(default_factory=list)  # to the base's rendering
+    base_encoding: list[float] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _BackEnd:
+    """An engine, the settings that it updates with, and CPU seconds and rays of its updates."""
+
+    engine: Engine
+    home: Settings
+    seconds: list[float] = field(default_factory=list)
+    rays: list[int] = field(default_factory=list)
+
+
+def _key(settings: Settings) -> Settings:
+    """What variants must share to share an engine: all that a frame's update reads, size and views of pictures too."""
+    plain = {name: getattr(Settings(), name) for name in PER_PICTURE if name not in ("output_scale", "n_render")}
+    return dataclasses.replace(settings, **plain)
+
+
+class _Sweep:
+    """The engines and figures of all variants on a material."""
+
+    def __init__(self, material: Material, swept: Sequence[Variant], plan: Plan) -> None:
+        self._material, self._swept = material, swept
+        self._viewers, self._truths = _viewers(material)
+        cameras = [material.camera(name) for name in material.source_names]
+        self._back_ends: dict[Settings, _BackEnd] = {}
+        for settings in (s for variant in swept for s in (variant.base, variant.settings)):
+            if _key(settings) not in self._back_ends:
+                engine = Engine(cameras, settings, f_vin=material.fps / plan.step)
+                self._back_ends[_key(settings)] = _BackEnd(engine, settings)
+        self._figures = [_Figures() for _ in swept]
+
+    def warm_up(self, frame: Frame) -> None:
+        """Compile or load what a first frame needs: the first engine would seem dear otherwise."""
+        first = next(iter(self._back_ends.values()))
+        Engine(first.engine.cameras, first.home, f_vin=first.engine.f_vin).update(frame, self._viewers)
+
+    def play(self, frame: Frame) -> None:
+        """Update all engines."""
+        for back_end in self._back_ends.values():
+            back_end.engine.retune(back_end.home)
+            report, seconds = _timed(back_end.engine.update, frame, self._viewers)
+            back_end.seconds.append(seconds)
+            back_end.rays.append(report.pbi_rays + (report.background.rays if report.background else 0))
+
+    def judge(self, index: int) -> None:
+        """Compare all variants' pictures of the newest frame with the truth."""
+        truths = self._truths(index)
+        for variant, figures in zip(self._swept, self._figures, strict=True):
+            pictures = self._render(variant.settings)
+            figures.pictures += [
+                _judged(picture, truth, variant.settings.jpeg_quality)
+                for picture, truth in zip(pictures, truths, strict=True)
+            ]
+
+    def time(self) -> None:
+        """Time each variant beside its base."""
+        for variant, figures in zip(self._swept, self._figures, strict=True):
+            spent = []
+            for settings in (variant.base, variant.settings):
+                pictures, rendering = _timed(self._render, settings)
+                _, encoding = _timed(_encode, pictures, settings.jpeg_quality)
+                spent.append((rendering, encoding))
+            (base, base_encoding), (own, encoding) = spent
+            figures.rendering.append(own / base)
+            figures.encoding.append(encoding / base)
+            figures.base_encoding.append(base_encoding / base)
+
+    def _render(self, settings: Settings) -> list[RenderedPicture]:
+        engine = self._back_ends[_key(settings)].engine
+        engine.retune(dataclasses.replace(settings, settles=False))  # holes would keep another variant's colours
+        pictures: list[RenderedPicture] = []
+        for name, viewer in self._viewers.items():
+            if isinstance(viewer, StereoView):
+                pair = engine.render(viewer, name)
+                pictures += [pair.left, pair.right]
+            else:
+                pictures.append(engine.render_camera(viewer, name))
+        return pictures
+
+    def rows(self) -> list[Row]:
+        """The figures of all variants."""
+        return [self._row(variant, figures) for variant, figures in zip(self._swept, self._figures, strict=True)]
+
+    def _row(self, variant: Variant, figures: _Figures) -> Row:
+        own, base = (self._back_ends[_key(settings)] for settings in (variant.settings, variant.base))
+        count = len(figures.pictures)
+        mean = {name: float(np.mean([f[name] for f in figures.pictures])) for name in figures.pictures[0]}
+        pictures = sum(2 if isinstance(viewer, StereoView) else 1 for viewer in self._viewers.values())
+        assert count % pictures == 0
+        rendering = float(np.median(figures.rendering))
+        encoding, base_encoding = (float(np.median(e)) for e in (figures.encoding, figures.base_encoding))
+        later = slice(2, None) if len(own.seconds) > 2 else slice(None)
+        return Row(
+            self._material.name, variant.kind, variant.knob, variant.value,
+            mean["iv_psnr"], mean["psnr_y"], mean["sent"],
+            rendering, (rendering + encoding) / (1.0 + base_encoding),
+            float(np.median(np.divide(own.seconds[later], base.seconds[later]))), own.seconds[0] / base.seconds[0],
+            mean["holes_warped"], mean["holes_backdrop"], pictures * mean["bytes"], pictures * mean["triangles"],
+            float(np.mean(own.rays[later])),
+        )  # fmt: skip
+
+
+def _encode(pictures: Sequence[RenderedPicture], quality: int) -> list[bytes]:
+    return [encode_jpeg(picture.texture, quality) for picture in pictures]
+
+
+def _timed(work: Callable[..., T], *arguments: object) -> tuple[T, float]:
+    """What some work gives, and the CPU seconds that it takes."""
+    start = time.process_time()
+    result = work(*arguments)
+    return result, time.process_time() - start
+
+
+def _viewers(material: Material) -> tuple[dict[str, Viewer], Callable[[int], list[Texture]]]:
+    """Who looks, and the truths of a frame in the order of the pictures: in a twin a head where one of its virtual
+    cameras is, in a sequence all of those inside the rig."""
+    targets = default_targets(material)
+    if not isinstance(material, TwinMaterial):
+        return {name: material.camera(name) for name in targets}, lambda index: [
+            material.texture(name, index) for name in targets
+        ]
+    cameras = [material.camera(name) for name in material.source_names]
+    head, twin = head_amid(cameras, material.camera(targets[0]).pose), material.twin
+    eyes = head.eyes(cameras[0].depth)
+    return {"head": head}, lambda index: [twin.truth(eye, index).texture for eye in eyes]
+
+
+def _judged(picture: RenderedPicture, truth: Texture, quality: int) -> dict[str, float]:
+    data, (h, w) = encode_jpeg(picture.texture, quality), picture.texture.y.shape
+    shown, arrived = (_enlarged(texture, truth) for texture in (picture.texture, decode_jpeg(data, h, w)))
+    erp = erp_range(picture.camera)
+    return {
+        "iv_psnr": iv_psnr(truth, shown, erp),
+        "psnr_y": psnr(truth, shown)[0],
+        "sent": iv_psnr(truth, arrived, erp),
+        "holes_warped": picture.report.holes_warped,
+        "holes_backdrop": picture.report.holes_backdrop,
+        "bytes": float(len(data)),
+        "triangles": float(picture.report.warped),
+    }
+
+
+def _enlarged(texture: Texture, like: Texture) -> Texture:
+    """A texture at another's size."""
+    if texture.y.shape == like.y.shape:
+        return texture
+    return Texture(*(_resized(getattr(texture, n), getattr(like, n).shape) for n in ("y", "cb", "cr")))
+
+
+def _resized(plane: npt.NDArray[np.uint16], shape: tuple[int, int]) -> npt.NDArray[np.uint16]:
+    image = Image.fromarray(plane.astype(np.float32)).resize(shape[::-1], Image.Resampling.BILINEAR)
+    return np.asarray(image).round().astype(np.uint16)
+
+
+def summarise(rows: Sequence[Row], swept: Sequence[Variant]) -> list[Point]:
+    """A point for each variant that has rows, over all materials."""
+    points = []
+    for variant in swept:
+        base = next(other for other in swept if other.is_base and other.base == variant.base)
+        own, against = ([row for row in rows if _names(row) == _names(v)] for v in (variant, base))
+        if own:
+            points.append(_point(variant, own, against))
+    return points
+
+
+def _names(of: Row | Variant) -> tuple[str, str, str]:
+    return of.kind, of.knob, of.value
+
+
+def _point(variant: Variant, own: Sequence[Row], base: Sequence[Row]) -> Point:
+    gains = {
+        name: float(np.mean([getattr(a, name) - getattr(b, name) for a, b in zip(own, base, strict=True)]))
+        for name in ("iv_psnr", "sent")
+    }
+    ratios = {name: _geometric(getattr(row, name) for row in own) for name in ("time", "total", "update", "first")}
+    size = _geometric(a.bytes / b.bytes for a, b in zip(own, base, strict=True))
+    holes = float(np.mean([row.holes_backdrop for row in own]))
+    return Point(variant.kind, variant.knob, variant.value, **gains, **ratios, holes=holes, bytes=size)
+
+
+def _geometric(ratios: Iterator[float]) -> float:
+    return float(np.exp(np.mean(np.log(np.maximum(list(ratios), 1e-9)))))
+
+
+def pareto(points: Sequence[Point], cost: str, worth: str, least: float = 0.02) -> list[Point]:
+    """The points that none other beats in both, cheapest first, each worth `least` more than the one before.
+
+    The model's knobs are no part of it: their points have another base.
+    """
+    front: list[Point] = []
+    for point in sorted(points, key=lambda p: (getattr(p, cost), -getattr(p, worth))):
+        if point.kind != "model" and (not front or getattr(point, worth) >= getattr(front[-1], worth) + least):
+            front.append(point)
+    return front

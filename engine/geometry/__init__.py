@@ -1,0 +1,1 @@
+"""From depth maps to triangles: meshes, their levels of detail, and Embree's scenes of them."""

@@ -1,0 +1,50 @@
+"""Triangle meshes of views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..kernels.rendering.blocks import bound_blocks
+from ..support.lazy import lazy
+
+__all__ = ["Mesh"]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles back-projected from one view (paper Fig. 4), wound alike as the view sees them.
+
+    points float32 [n, 3] relative to the scene origin, metres; uv float32 [n, 2], the source picture's
+    coordinates (pixel centres at +0.5); triangles int32 [m, 3]. block_starts int64 [b + 1, 2]: where each block's
+    points and triangles start; a block's triangles use its own points only. None: the mesh is one block.
+    """
+
+    points: npt.NDArray[np.float32]
+    uv: npt.NDArray[np.float32]
+    triangles: npt.NDArray[np.int32]
+    block_starts: npt.NDArray[np.int64] | None = None
+
+    @lazy
+    def starts(self) -> npt.NDArray[np.int64]:  # [b + 1, 2]
+        """`block_starts`, or those of a single block."""
+        if self.block_starts is not None:
+            return self.block_starts
+        return np.array([[0, 0], [len(self.points), len(self.triangles)]], np.int64)
+
+    @lazy
+    def spheres(self) -> npt.NDArray[np.float32]:  # [b, 4]
+        """Centre and radius of a sphere round each block's points; a negative radius for an empty block."""
+        spheres = np.empty((len(self.starts) - 1, 4), np.float32)
+        bound_blocks(self.points, self.starts, spheres)
+        return spheres
+
+    def only(self, which: npt.NDArray[np.bool_]) -> Mesh:  # [m]
+        """Some of its triangles, with the points that these use, in one block."""
+        triangles = self.triangles[which]
+        used = np.zeros(len(self.points), bool)
+        used[triangles] = True
+        numbers = np.cumsum(used, dtype=np.int32) - np.int32(1)
+        return Mesh(self.points[used], self.uv[used], numbers[triangles])

@@ -1,0 +1,84 @@
+"""Views at reduced sizes, for pictures that are coarser than the views: a texel stands for what a pixel covers.
+
+Prefiltering as in mip maps (Williams 1983), by surfaces: colours are averaged on one side of a depth edge alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..kernels.geometry import minify as kernels
+from ..rig.camera import Camera, Perspective, Projection
+from .triangulation import TriangulationOptions, depth_cuts
+
+__all__ = ["MOST_LEVELS", "Level", "halved", "level_for"]
+
+MOST_LEVELS = 3  # beyond the full size
+# Texels that large, in pixels, still show more by not aliasing than they hide by blurring.
+_LARGEST_PX = 1.15
+
+U16 = npt.NDArray[np.uint16]
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A view at one size: its camera, depth codes, colour planes and cuts (see `depth_cuts`).
+
+    codes, y and cuts are [h, w]; cb and cr are half that size where the view is as it came (4:2:0), [h, w] below.
+    """
+
+    camera: Camera
+    codes: U16
+    y: U16
+    cb: U16
+    cr: U16
+    cuts: npt.NDArray[np.uint8]
+
+    @property
+    def subsampled(self) -> bool:
+        """Whether chroma is 4:2:0."""
+        return self.cb.shape != self.y.shape
+
+
+def level_for(ratio: float) -> int:
+    """The level for a picture with so many view pixels for each of its own: 0, the full size, below 1.74."""
+    return min(max(math.floor(math.log2(_LARGEST_PX * ratio)), 0), MOST_LEVELS)
+
+
+def halved(level: Level, options: TriangulationOptions) -> Level | None:
+    """The next level; None where a size is odd, or too small to be fetched from.
+
+    The chroma of a 4:2:0 level is that of the next one: it has its size, and its samples are such means already.
+    """
+    h, w = level.y.shape
+    if h % 2 or w % 2 or min(h, w) < 4:
+        return None
+    codes, masks = np.empty((h // 2, w // 2), np.uint16), np.empty((h // 2, w // 2), np.uint8)
+    kernels.halve_codes(level.codes, level.cuts, codes, masks)
+    y, cb, cr = (
+        plane if plane.shape == codes.shape else _mean(plane, masks) for plane in (level.y, level.cb, level.cr)
+    )
+    camera = _halved_camera(level.camera)
+    return Level(camera, codes, y, cb, cr, depth_cuts(camera, codes, options))
+
+
+def _mean(plane: U16, masks: npt.NDArray[np.uint8]) -> U16:
+    out = np.empty(masks.shape, np.uint16)
+    kernels.halve_plane(plane, masks, out)
+    return out
+
+
+def _halved_camera(camera: Camera) -> Camera:
+    """The camera whose pixels are 2x2 of these, which are even in number."""
+    p = camera.projection
+    width, height = p.width // 2, p.height // 2
+    if isinstance(p, Perspective):
+        smaller: Projection = Perspective(width, height, 0.5 * p.fx, 0.5 * p.fy, 0.5 * p.cx, 0.5 * p.cy)
+    else:
+        smaller = dataclasses.replace(p, width=width, height=height)
+    return dataclasses.replace(camera, projection=smaller)

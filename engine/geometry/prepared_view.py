@@ -1,0 +1,194 @@
+"""Source views with what rendering needs of them: meshes, sizes, and the tables that kernels read."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ..kernels.base import view_table
+from ..kernels.base.tone import IDENTITY
+from ..rig.camera import Camera, Equirectangular, Perspective
+from ..rig.frame import View
+from ..support.lazy import lazy
+from .completion import Completed, complete
+from .mesh import Mesh
+from .minification import Level, halved, level_for
+from .triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
+
+__all__ = ["Part", "PreparedView", "ViewTable", "pixels_per_radian"]
+
+Part = Literal["surface", "doubtful", "rims"]
+
+
+def pixels_per_radian(camera: Camera) -> float:
+    """Angular resolution in the middle of a camera's picture."""
+    p = camera.projection
+    if isinstance(p, Perspective):
+        return math.sqrt(abs(p.fx * p.fy))
+    return min(p.width / (p.hor_range[1] - p.hor_range[0]), p.height / (p.ver_range[1] - p.ver_range[0]))
+
+
+def _coarser_axis(camera: Camera) -> float:
+    """Pixels a radian along the axis that has fewer: views are reduced both ways alike."""
+    p = camera.projection
+    return min(abs(p.fx), abs(p.fy)) if isinstance(p, Perspective) else pixels_per_radian(camera)
+
+
+@dataclass
+class PreparedView:
+    """A view with what warping needs of it; its meshes are made when first asked for, by one thread.
+
+    With `completes` its pixels without depth get one (see `completion.complete`). A camera's `triangulator` spares
+    what its last frame has in common with this one.
+    """
+
+    view: View  # as it was measured
+    options: TriangulationOptions
+    origin: npt.NDArray[np.float64]
+    completes: bool = False
+    triangulator: Triangulator | None = None
+    _meshes: dict[Part, Mesh] = field(default_factory=dict)
+    _levels: list[Level] = field(default_factory=list)
+    _lock: threading.RLock = field(default_factory=threading.RLock)
+    _completed: Completed | None = None
+    _cuts: npt.NDArray[np.uint8] | None = None
+
+    @property
+    def completed(self) -> Completed:
+        """The view as it is drawn."""
+        with self._lock:
+            if self._completed is None:
+                measured = Completed(self.view.codes, None)
+                self._completed = complete(self.view, self.options.edge) if self.completes else measured
+            return self._completed
+
+    def mesh(self, part: Part = "surface") -> Mesh:
+        """The view's surface as far as its depth is trusted, its doubtful rest, or its rims (see `triangulate`)."""
+        with self._lock:
+            if part not in self._meshes:
+                self._meshes[part] = self._triangulate(part)
+            return self._meshes[part]
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of the meshes that were asked for up to now."""
+        return sum(len(mesh.triangles) for mesh in self._meshes.values())
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What the view has besides rims."""
+        return ("surface",) if self.completed.doubtful is None else ("surface", "doubtful")
+
+    def _triangulate(self, part: Part) -> Mesh:
+        codes, doubtful = self.completed
+        if part == "surface" and doubtful is None and self.triangulator is not None:
+            mesh, cuts = self.triangulator.triangulate(self.view.camera, codes, self.options, self.origin)
+            self._cuts = cuts if self._cuts is None else self._cuts  # someone may hold its address
+            return mesh
+        if part == "surface" and doubtful is not None:
+            codes = np.where(doubtful, np.uint16(0), codes)
+        keep, rims = doubtful if part == "doubtful" else None, part == "rims"
+        known = self.cuts if rims or doubtful is None else None
+        return triangulate(
+            self.view.camera, codes, self.options, origin=self.origin, keep=keep, rims=rims, cuts=known
+        )
+
+    @lazy
+    def invalid_share(self) -> float:
+        """About how much of the picture has no depth as it is drawn."""
+        return float(np.mean(self.completed.codes[::8, ::8] == 0)) if self.view.camera.depth.has_invalid else 0.0
+
+    @lazy
+    def table_row(self) -> npt.NDArray[np.float64]:  # [TABLE_SIZE]
+        """The view as `kernels.base.view_table` reads it."""
+        return self._table_row(self.view.camera)
+
+    def _table_row(self, camera: Camera) -> npt.NDArray[np.float64]:
+        row = np.zeros(view_table.TABLE_SIZE)
+        row[: view_table.OFFSET] = camera.packed(self.origin)
+        coding = camera.depth
+        row[view_table.OFFSET], row[view_table.STEP] = coding.offset, coding.step
+        row[view_table.INVALID] = coding.has_invalid
+        row[view_table.EDGE] = max(self.options.edge / coding.step, 1.0)
+        # A step within which a surface is not cut is no disagreement.
+        row[view_table.TOLERANCE] = row[view_table.EDGE] + 1.0
+        row[view_table.SHARPNESS] = pixels_per_radian(self.view.camera)  # whatever its size now: no view is worth less
+        row[view_table.SUBSAMPLED] = 1.0
+        row[view_table.PIXEL] = 1.0 / pixels_per_radian(camera)
+        if isinstance(camera.projection, Equirectangular):
+            row[view_table.COLUMNS], row[view_table.ROWS] = 1.0 / row[4], 1.0 / row[6]
+        row[view_table.TONE :] = IDENTITY
+        return row
+
+    def addresses(self, *, measured: bool = False) -> npt.NDArray[np.int64]:  # [4]
+        """Addresses of the codes, completed or as measured, and of the colour planes; all must be C-contiguous."""
+        texture = self.view.texture
+        codes = self.view.codes if measured else self.completed.codes
+        planes = (codes, texture.y, texture.cb, texture.cr)
+        if not all(plane.flags.c_contiguous and plane.dtype == np.uint16 for plane in planes):
+            raise ValueError(f"view {self.view.camera.name}: planes: expected C-contiguous uint16")
+        if min(codes.shape) < 4:
+            raise ValueError(f"view {self.view.camera.name}: size {codes.shape}: expected at least 4 x 4 pixels")
+        return np.array([plane.ctypes.data for plane in planes], np.int64)
+
+    def level(self, wanted: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+        """The view halved `wanted` times or, where its sizes do not allow that, as often as they do: what
+        `kernels.base.view_table` reads, [TABLE_SIZE] and addresses [5]."""
+        with self._lock:
+            if not self._levels:
+                texture, codes = self.view.texture, self.completed.codes
+                self._levels.append(Level(self.view.camera, codes, texture.y, texture.cb, texture.cr, self.cuts))
+            while len(self._levels) <= wanted and (smaller := halved(self._levels[-1], self.options)):
+                self._levels.append(smaller)
+            level = self._levels[min(wanted, len(self._levels) - 1)]
+        row = self._table_row(level.camera)
+        row[view_table.SUBSAMPLED] = level.subsampled
+        arrays = (level.codes, level.y, level.cb, level.cr, level.cuts)
+        return row, np.array([array.ctypes.data for array in arrays], np.int64)
+
+    @property
+    def cuts(self) -> npt.NDArray[np.uint8]:  # [h, w]
+        """Where the view's surface is cut, doubtful depth included (see `depth_cuts`)."""
+        with self._lock:
+            if self._cuts is None:
+                self._cuts = depth_cuts(self.view.camera, self.completed.codes, self.options)
+            return self._cuts
+
+
+class ViewTable:
+    """Views as `kernels.base.view_table` reads them; keeps their arrays alive.
+
+    tones [n, TONE_SIZE]: what is done to the views' colours, packed (`kernels.base.tone`); None: nothing. The first
+    `drawn` come with their completed depth and the cuts of their surfaces, which colours are fetched by; the others
+    with the measured depth.
+    """
+
+    def __init__(
+        self, views: Sequence[PreparedView], tones: npt.NDArray[np.float64] | None = None, *, drawn: int = 0
+    ) -> None:
+        self.views = tuple(views)
+        self.rows = np.array([view.table_row for view in views]).reshape(-1, view_table.TABLE_SIZE)
+        if tones is not None:
+            self.rows[:, view_table.TONE :] = tones
+        cuts = [view.cuts.ctypes.data if k < drawn else 0 for k, view in enumerate(views)]
+        planes = [[*view.addresses(measured=k >= drawn), cuts[k]] for k, view in enumerate(views)]
+        self.addresses = np.array(planes, np.int64).reshape(-1, 5)
+        self._drawn = drawn
+
+    def at(self, resolution: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+        """Rows and addresses with the drawn views at the size nearest to a picture's with so many pixels a radian."""
+        wanted = [level_for(_coarser_axis(view.view.camera) / resolution) for view in self.views[: self._drawn]]
+        if not any(wanted):
+            return self.rows, self.addresses
+        rows, addresses = self.rows.copy(), self.addresses.copy()
+        for k, number in enumerate(wanted):
+            if number > 0:
+                row, addresses[k] = self.views[k].level(number)
+                rows[k, : view_table.TONE] = row[: view_table.TONE]
+        return rows, addresses

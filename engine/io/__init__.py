@@ -1,0 +1,1 @@
+"""Files: TMIV sequences, raw video, pose traces, meshes."""

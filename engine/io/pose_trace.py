@@ -1,0 +1,74 @@
+"""Pose files: CSV with the columns X, Y, Z (metres), Yaw, Pitch, Roll (degrees), a row a frame."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..rig.camera import Camera, Pose
+
+__all__ = ["euler_degrees", "read_pose_trace", "read_poses", "write_poses"]
+
+COLUMNS = ("X", "Y", "Z", "Yaw", "Pitch", "Roll")
+
+
+def read_poses(path: Path | str) -> list[Pose]:
+    """Absolute poses, a row a frame. Raises ValueError that names the row and the column."""
+    path = Path(path)
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = csv.reader(file, skipinitialspace=True)
+        header = [cell.strip() for cell in next(rows, [])]
+        missing = [name for name in COLUMNS if name not in header]
+        if missing:
+            raise ValueError(f"{path.name}: header: {header!r}: expected {','.join(COLUMNS)}")
+        order = [header.index(name) for name in COLUMNS]
+        poses = [_pose(path, rows.line_num, row, order) for row in rows if any(cell.strip() for cell in row)]
+    if not poses:
+        raise ValueError(f"{path.name}: 0 rows: expected a row a frame")
+    return poses
+
+
+def read_pose_trace(path: Path | str, viewport: Camera) -> list[Pose]:
+    """Head poses of a trace: positions are offsets from the viewport's, rotations absolute."""
+    x, y, z = viewport.pose.position
+    return [
+        dataclasses.replace(pose, position=(x + pose.position[0], y + pose.position[1], z + pose.position[2]))
+        for pose in read_poses(path)
+    ]
+
+
+def write_poses(path: Path | str, poses: Iterable[Pose]) -> None:
+    """Write absolute poses; `read_poses` gives them back."""
+    with Path(path).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows([*pose.position, *euler_degrees(pose)] for pose in poses)
+
+
+def euler_degrees(pose: Pose) -> tuple[float, float, float]:
+    """Yaw, pitch and roll in degrees, R = Rz(yaw) Ry(pitch) Rx(roll); roll is 0 straight up and down."""
+    r = pose.rotation()
+    level = math.hypot(r[2, 1], r[2, 2])
+    pitch = math.atan2(-r[2, 0], level)
+    roll = math.atan2(r[2, 1], r[2, 2]) if level > 1e-14 else 0.0
+    # Nearly straight up or down the roll is known badly, but what it lacks the yaw of the rest makes up for.
+    c, s = math.cos(roll), math.sin(roll)
+    yaw = math.atan2(s * r[0, 2] - c * r[0, 1], c * r[1, 1] - s * r[1, 2])
+    return math.degrees(yaw), math.degrees(pitch), math.degrees(roll)
+
+
+def _pose(path: Path, line: int, row: list[str], order: list[int]) -> Pose:
+    values = []
+    for name, column in zip(COLUMNS, order, strict=True):
+        text = row[column].strip() if column < len(row) else ""
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise ValueError(f"{path.name}: line {line}: {name}: {text!r}: expected a finite number")
+        values.append(value)
+    return Pose.from_euler(values[:3], *map(math.radians, values[3:]))

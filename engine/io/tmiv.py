@@ -1,0 +1,250 @@
+"""Sequences in TMIV's layout: a folder with a JSON and raw planar files, read when a view is asked for."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterable
+from itertools import islice
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ..rig.camera import Camera, Pose
+from ..rig.frame import Frame, Texture, View
+from .pose_trace import read_poses, write_poses
+from .tmiv_json import Description, TmivError, find_json, parse_json, to_json
+from .yuv import PIXEL_FORMATS, PixelFormat, RawVideo, from_texture
+
+__all__ = [
+    "Sequence",
+    "SequenceWriter",
+    "TmivError",
+    "depth_path",
+    "find_video",
+    "open_sequence",
+    "playback_index",
+    "texture_path",
+]
+
+Kind = Literal["texture", "depth"]
+
+
+def texture_path(folder: Path | str, camera: Camera, pixel_format: str = "yuv420p10le") -> Path:
+    """Where the camera's texture lies."""
+    return Path(folder) / f"{camera.name}_texture_{camera.width}x{camera.height}_{pixel_format}.yuv"
+
+
+def depth_path(folder: Path | str, camera: Camera, pixel_format: str = "yuv420p16le") -> Path:
+    """Where the camera's depth codes lie."""
+    return Path(folder) / f"{camera.name}_depth_{camera.width}x{camera.height}_{pixel_format}.yuv"
+
+
+def find_video(folder: Path, camera: Camera, kind: Kind) -> RawVideo | None:
+    """The camera's file in a folder or in its truth/; of several formats the one with the JSON's bits."""
+    bits = camera.texture_bits if kind == "texture" else camera.depth.bits
+    prefix = f"{camera.name}_{kind}_{camera.width}x{camera.height}_"
+    pattern = re.compile(re.escape(prefix) + rf"({PIXEL_FORMATS})\.yuv")
+    for place in (folder, folder / "truth"):
+        paths = sorted(place.iterdir()) if place.is_dir() else []
+        found = [(path, match[1]) for path in paths if (match := pattern.fullmatch(path.name))]
+        videos = [RawVideo(path, camera.width, camera.height, name) for path, name in found]
+        if videos:
+            return min(videos, key=lambda video: video.format.bits != bits)
+    return None
+
+
+def playback_index(index: int, count: int) -> int:
+    """The input frame of output frame `index` of `count` input frames, played to and fro: 0 1 1 0 0 1 ..."""
+    if count < 1 or index < 0:
+        raise ValueError(f"frame: {index!r} of {count!r}: expected a frame of at least one")
+    turn = index % (2 * count)
+    return turn if turn < count else 2 * count - 1 - turn
+
+
+class Sequence:
+    """An opened sequence. Files are mapped, and read when a view is asked for.
+
+    `cameras` holds every camera of the JSON, virtual ones too (`viewport`). Frame 0 is the files' first.
+    """
+
+    def __init__(self, folder: Path, description: Description) -> None:
+        self.folder = folder
+        self.name, self.fps = description.name, description.fps
+        self.frames_number = description.frames_number
+        self.source_names = description.source_names
+        self._frame_ranges = description.frame_ranges
+        self._poses = {name: _poses(folder, name, file) for name, file in description.pose_files.items()}
+        self._videos: dict[tuple[str, Kind], RawVideo] = {}
+        self.cameras = {name: self._with_file_bits(camera) for name, camera in description.cameras.items()}
+
+    @property
+    def frame_count(self) -> int:
+        """Whole frames in the shortest file of the source views; raises TmivError where one is missing."""
+        kinds: tuple[Kind, ...] = ("texture", "depth")
+        return min(self.video(name, kind).frame_count for name in self.source_names for kind in kinds)
+
+    def start_frame(self, count: int) -> int:
+        """The file's frame at which a run of `count` frames starts (the JSON's frameRanges)."""
+        return next((start for most, start in self._frame_ranges if count <= most), 0)
+
+    def camera(self, name: str, frame: int = 0) -> Camera:
+        """A camera as it is at a frame: a moving one has another pose in every frame."""
+        if name not in self.cameras:
+            raise TmivError(f"camera: {name!r}: expected one of {', '.join(self.cameras)}")
+        camera, poses = self.cameras[name], self._poses.get(name)
+        if poses is None:
+            return camera
+        if not 0 <= frame < len(poses):
+            raise TmivError(f"camera {name}: Poses: no row for frame {frame}: the file has {len(poses)}")
+        return dataclasses.replace(camera, pose=poses[frame])
+
+    def poses(self, name: str) -> list[Pose] | None:
+        """The poses of a moving camera, frame by frame; None for a fixed one."""
+        return self._poses.get(name)
+
+    def video(self, name: str, kind: Kind) -> RawVideo:
+        """The camera's texture or depth file; raises TmivError where there is none."""
+        key = (name, kind)
+        if key not in self._videos:
+            camera = self.camera(name)
+            video = find_video(self.folder, camera, kind)
+            if video is None:
+                name_file = texture_path if kind == "texture" else depth_path
+                like = name_file(self.folder, camera)
+                raise TmivError(f"camera {name}: {kind}: missing: expected a file like {like}")
+            self._videos[key] = video
+        return self._videos[key]
+
+    def texture(self, name: str, frame: int) -> Texture:
+        """A texture in 10-bit codes; of a virtual camera, the ground truth."""
+        return self.video(name, "texture").texture(frame)
+
+    def codes(self, name: str, frame: int) -> npt.NDArray[np.uint16]:  # [h, w]
+        """Depth codes, coded as the camera's `depth` says."""
+        return self.video(name, "depth").codes(frame)
+
+    def view(self, name: str, frame: int) -> View:
+        """One camera's texture and depth codes, with its pose at that frame."""
+        return View(self.camera(name, frame), self.texture(name, frame), self.codes(name, frame))
+
+    def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
+        """The source views (or the named ones) of one instant."""
+        chosen = self.source_names if names is None else tuple(names)
+        return Frame(index, tuple(self.view(name, index) for name in chosen))
+
+    def _with_file_bits(self, camera: Camera) -> Camera:
+        # The file's name says how its codes are to be read, whatever the JSON says.
+        depth = find_video(self.folder, camera, "depth")
+        if depth is None or depth.format.bits == camera.depth.bits:
+            return camera
+        return dataclasses.replace(
+            camera, depth=dataclasses.replace(camera.depth, bits=depth.format.bits)
+        )
+
+
+def _poses(folder: Path, name: str, file: str) -> list[Pose]:
+    try:
+        return read_poses(folder / file)
+    except (OSError, ValueError) as error:
+        raise TmivError(f"camera {name}: Poses: {error}") from error
+
+
+def open_sequence(path: Path | str) -> Sequence:
+    """Open a folder (or its JSON); raises TmivError with the first problem of the JSON.
+
+    Missing or short video files are found when they are read; `tmiv_check` finds everything at once.
+    """
+    file = find_json(Path(path))
+    description, problems = parse_json(file.read_text("utf-8"), file.stem)
+    if problems:
+        more = f" (and {len(problems) - 1} more problems)" if len(problems) > 1 else ""
+        raise TmivError(f"{file.name}: {problems[0]}{more}")
+    return Sequence(file.parent, description)
+
+
+class SequenceWriter:
+    """Writes a sequence frame by frame, as a context manager; `open_sequence` reads it back.
+
+    Source cameras go to the folder, other cameras that get pictures to its truth/. The JSON is written when
+    the `with` block ends well; raises ValueError where source cameras then differ in their number of frames.
+    """
+
+    def __init__(
+        self,
+        folder: Path | str,
+        name: str,
+        fps: float,
+        cameras: Iterable[Camera],
+        source_names: Iterable[str],
+        *,
+        depth_format: str = "yuv420p16le",
+        texture_format: str = "yuv420p10le",
+    ) -> None:
+        self.folder = Path(folder)
+        self.depth_format, self.texture_format = PixelFormat(depth_format), PixelFormat(texture_format)
+        bits = self.texture_format.bits
+        named = {camera.name: dataclasses.replace(camera, texture_bits=bits) for camera in cameras}
+        self._description = Description(name, fps, None, named, tuple(source_names))
+        for source in self._description.source_names:
+            if source not in named:
+                raise ValueError(f"source_names: {source!r}: no camera has this name")
+        self._poses: dict[str, list[Pose]] = {}
+        self._files: dict[Path, BinaryIO] = {}
+        self.folder.mkdir(parents=True, exist_ok=True)
+
+    def write(
+        self, camera_name: str, texture: Texture, codes: npt.NDArray[np.uint16], pose: Pose | None = None
+    ) -> None:
+        """Append a frame of one camera; a moving camera's absolute pose belongs to it."""
+        camera = self._description.cameras.get(camera_name)
+        if camera is None:
+            names = ", ".join(self._description.cameras)
+            raise ValueError(f"camera: {camera_name!r}: expected one of {names}")
+        if camera.depth.bits != self.depth_format.bits:
+            raise ValueError(
+                f"camera {camera_name}: depth bits: {camera.depth.bits}: expected "
+                f"{self.depth_format.bits} ({self.depth_format.name})"
+            )
+        View(camera, texture, codes)  # checks the shapes
+        folder = self.folder if camera_name in self._description.source_names else self.folder / "truth"
+        planes = [from_texture(p, self.texture_format.bits) for p in (texture.y, texture.cb, texture.cr)]
+        shapes = self.depth_format.plane_shapes(camera.width, camera.height)
+        neutral = [np.full(shape, 1 << (self.depth_format.bits - 1)) for shape in shapes[1:]]
+        self._append(texture_path(folder, camera, self.texture_format.name), self.texture_format, planes)
+        self._append(depth_path(folder, camera, self.depth_format.name), self.depth_format, [codes, *neutral])
+        self._poses.setdefault(camera_name, []).append(pose or camera.pose)
+
+    def __enter__(self) -> SequenceWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for file in self._files.values():
+            file.close()
+        if kind is None:
+            self._finish()
+
+    def _append(self, path: Path, pixel_format: PixelFormat, planes: Iterable[npt.NDArray[Any]]) -> None:
+        if path not in self._files:
+            path.parent.mkdir(exist_ok=True)
+            self._files[path] = path.open("wb")
+        for plane in islice(planes, 3 if pixel_format.has_chroma else 1):
+            self._files[path].write(np.ascontiguousarray(plane, pixel_format.dtype).data)
+
+    def _finish(self) -> None:
+        description = self._description
+        counts = {name: len(self._poses.get(name, ())) for name in description.source_names}
+        if len(set(counts.values())) > 1:
+            raise ValueError(f"frames written: {counts!r}: expected as many of every source camera")
+        description.frames_number = max(counts.values(), default=0)
+        for name, poses in self._poses.items():
+            if any(pose != description.cameras[name].pose for pose in poses):
+                description.pose_files[name] = f"{name}_poses.csv"
+                write_poses(self.folder / f"{name}_poses.csv", poses)
+        file = self.folder / f"{self.folder.resolve().name}.json"
+        file.write_text(to_json(description) + "\n", "utf-8")

@@ -1,0 +1,1 @@
+"""Kernels of the background model: rays, culling, coverage, maximum depth, the PBI."""

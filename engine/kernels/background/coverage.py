@@ -1,0 +1,251 @@
+"""Which pixels of a view show something farther than an earlier view does (section 3.3.2).
+
+Pictures are cut into blocks. What an earlier view says of a block's corners holds for all of it where both pictures
+show smooth surfaces there; only the other blocks, a few in a hundred, are looked at pixel by pixel.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base.project import project_pixels, project_point, unproject_point
+from ..base.tolerance import Slack, slack_at
+
+__all__ = ["BLOCK", "cover_cells", "keep_farther", "mark_smooth"]
+
+BLOCK = 8  # pixels; blocks share their corners, which are pixels of every eighth row and column, and of the last
+_REACH = 4  # blocks of an earlier picture, each way, that the image of a block may lie in
+_SMOOTH = 0.25  # share of the tolerance by which a smooth block's depths may be off those between its corners
+# Outside a picture, by side.
+_LEFT, _RIGHT, _ABOVE, _BELOW, _UNKNOWN = 1, 2, 4, 8, 16
+
+U8 = npt.NDArray[np.uint8]
+U16 = npt.NDArray[np.uint16]
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _disparity(code: float, coding: F64) -> float:
+    return coding[0] + coding[1] * max(float(code), coding[3])
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _depth(code: float, coding: F64) -> float:
+    return 1.0 / _disparity(code, coding)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _interpolate(line: U16, between: F32) -> None:
+    """Between [w]: linear between the corners of blocks along a row of codes."""
+    last = line.shape[0] - 1
+    for left in range(0, max(last, 1), BLOCK):
+        width = max(min(BLOCK, last - left), 1)
+        start = np.float32(line[left])
+        slope = (np.float32(line[min(left + width, last)]) - start) / np.float32(width)
+        for x in range(min(width + 1, last + 1)):
+            between[left + x] = start + np.float32(x) * slope
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz", "contract"})
+def _keep_worst(line: U16, upper: F32, lower: F32, share: float, worst: F32) -> None:
+    """The largest difference up to now of each column's codes from what lies between two rows."""
+    for x in range(line.shape[0]):
+        worst[x] = max(worst[x], abs(np.float32(line[x]) - (upper[x] + share * (lower[x] - upper[x]))))
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def mark_smooth(codes: U16, coding: F64, tolerance: Slack, smooth: U8) -> None:
+    """Sets smooth [ceil((h - 1) / BLOCK), ceil((w - 1) / BLOCK)] to 1 where a block's depths follow from its corners'.
+
+    Bilinearly, within a share of the tolerance, and all are valid; else 0. coding as in `keep_farther`.
+    """
+    h, w = codes.shape
+    for row in numba.prange(smooth.shape[0]):
+        top = BLOCK * row
+        height = min(BLOCK, h - 1 - top)
+        upper, lower, worst = np.empty(w, np.float32), np.empty(w, np.float32), np.zeros(w, np.float32)
+        _interpolate(codes[top], upper)
+        _interpolate(codes[top + height], lower)
+        for y in range(1, height):
+            _keep_worst(codes[top + y], upper, lower, np.float32(y / height), worst)
+        _keep_worst(codes[top], upper, upper, np.float32(0.0), worst)
+        _keep_worst(codes[top + height], lower, lower, np.float32(0.0), worst)
+        for column in range(smooth.shape[1]):
+            left, right = BLOCK * column, min(BLOCK * (column + 1), w - 1)
+            lowest = min(min(upper[left], upper[right]), min(lower[left], lower[right]))
+            depth = _depth(lowest, coding)
+            limit = _SMOOTH * slack_at(tolerance, depth) / (depth * depth * coding[1])
+            largest = np.float32(0.0)
+            for x in range(left, right + 1):
+                largest = max(largest, worst[x])
+            smooth[row, column] = lowest >= coding[2] and largest <= limit
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _farther(codes: U16, coding: F64, wraps: bool, edge: float, u: float, v: float, limit: float) -> float:
+    """By how many metres a view's surface at (u, v) is farther than `limit`: of the four pixels around it the mean
+    where they are one surface, else the nearest. -inf where there are not four with a depth."""
+    h, w = codes.shape
+    x0, y0 = math.floor(u - 0.5), math.floor(v - 0.5)
+    inside = y0 >= 0 and y0 + 1 < h and (wraps or (x0 >= 0 and x0 + 1 < w))
+    left, right = x0 if x0 >= 0 else x0 + w, x0 + 1 if x0 + 1 < w else x0 + 1 - w
+    top = y0
+    if not inside:
+        left, right, top = 0, 0, 0
+    bottom = min(top + 1, h - 1)
+    a, b = float(codes[top, left]), float(codes[top, right])
+    c, d = float(codes[bottom, left]), float(codes[bottom, right])
+    lowest, highest = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
+    fx, fy = u - 0.5 - x0, v - 0.5 - y0
+    upper, lower = a + fx * (b - a), c + fx * (d - c)
+    seen = _depth(highest if highest - lowest > edge else upper + fy * (lower - upper), coding)
+    return seen - limit if inside and lowest >= coding[2] else -math.inf
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _look_at_corners(
+    codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
+    edge: float, tolerance: Slack, row: int, pixels: F64, images: F64, outside: I64,
+) -> None:  # fmt: skip
+    """A row of blocks' corners in an earlier view: images [3, columns + 1] u, v and by how much it sees farther than
+    has to be, in tolerances; `outside`: on which sides they are outside its picture, or unknown. pixels: room as large
+    as images."""
+    h, w = codes.shape
+    y = min(BLOCK * row, h - 1)
+    count = images.shape[1]
+    for i in range(count):
+        x = min(BLOCK * i, w - 1)
+        pixels[0, i], pixels[1, i], pixels[2, i] = x + 0.5, y + 0.5, _disparity(codes[y, x], coding)
+    project_pixels(camera, earlier_camera, pixels, images, count)
+    for i in range(count):
+        u, v, there = images[0, i], images[1, i], images[2, i]
+        side = (u < 0.0) * _LEFT + (u >= earlier_camera[1]) * _RIGHT
+        side += (v < 0.0) * _ABOVE + (v >= earlier_camera[2]) * _BELOW
+        outside[i] = side if there > 0.0 else _UNKNOWN
+        slack = slack_at(tolerance, there)
+        images[2, i] = _farther(
+            earlier_codes, earlier_coding, earlier_camera[19] != 0.0, edge, u, v, there - slack
+        ) / slack if outside[i] == 0 else 0.0  # fmt: skip
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _smooth_around(smooth: U8, images: F64, below: F64, column: int) -> bool:
+    """Whether an earlier view is smooth round the image of a block, which has a moderate size."""
+    u_low = min(min(images[0, column], images[0, column + 1]), min(below[0, column], below[0, column + 1]))
+    u_high = max(max(images[0, column], images[0, column + 1]), max(below[0, column], below[0, column + 1]))
+    v_low = min(min(images[1, column], images[1, column + 1]), min(below[1, column], below[1, column + 1]))
+    v_high = max(max(images[1, column], images[1, column + 1]), max(below[1, column], below[1, column + 1]))
+    if u_high - u_low > (_REACH - 1) * BLOCK or v_high - v_low > (_REACH - 1) * BLOCK:
+        return False
+    left, top = max(int(u_low - 1.5) // BLOCK, 0), max(int(v_low - 1.5) // BLOCK, 0)
+    right = min(int(u_high + 0.5) // BLOCK, smooth.shape[1] - 1)
+    bottom = min(int(v_high + 0.5) // BLOCK, smooth.shape[0] - 1)
+    found = True
+    for y in range(top, bottom + 1):
+        for x in range(left, right + 1):
+            found &= smooth[y, x] != 0
+    return found
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _clear(keep: U8, top: int, bottom: int, left: int, right: int) -> None:
+    for y in range(top, bottom):
+        for x in range(left, right):
+            keep[y, x] = 0
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _look_at_pixels(
+    codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
+    edge: float, tolerance: Slack, top: int, bottom: int, left: int, right: int, pixels: F64, images: F64, keep: U8,
+) -> int:  # fmt: skip
+    """What `keep_farther` does, of a block; returns the number of pixels that were not cleared before."""
+    count = 0
+    for y in range(top, bottom):
+        for x in range(left, right):
+            if keep[y, x] != 0 and codes[y, x] >= coding[2]:
+                pixels[0, count], pixels[1, count] = x + 0.5, y + 0.5
+                pixels[2, count] = _disparity(codes[y, x], coding)
+                count += 1
+    project_pixels(camera, earlier_camera, pixels, images, count)
+    for i in range(count):
+        u, v, there = images[0, i], images[1, i], images[2, i]
+        if there > 0.0 and u >= 0.0 and v >= 0.0 and u < earlier_camera[1] and v < earlier_camera[2]:
+            wraps, limit = earlier_camera[19] != 0.0, there - slack_at(tolerance, there)
+            if _farther(earlier_codes, earlier_coding, wraps, edge, u, v, limit) >= 0.0:
+                keep[int(pixels[1, i]), int(pixels[0, i])] = 0
+    return count
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def keep_farther(
+    codes: U16, camera: F64, coding: F64, smooth: U8,
+    earlier_codes: U16, earlier_camera: F64, earlier_coding: F64, earlier_smooth: U8,
+    edge: float, tolerance: Slack, keep: U8,
+) -> int:  # fmt: skip
+    """Clears keep [h, w] where an earlier view sees the pixel's point, or something about as far or farther.
+
+    A coding is [offset, step, smallest valid code, smallest usable code]; cameras are packed; smooth as
+    `mark_smooth` says, of both views; `edge`: a depth edge's step in codes of the earlier view. Returns how many pixels
+    were looked at one by one.
+    """
+    h, w = codes.shape
+    rows, columns = smooth.shape
+    single = 0
+    for row in numba.prange(rows):
+        above, below = np.empty((3, columns + 1)), np.empty((3, columns + 1))
+        room, block = np.empty((3, columns + 1)), np.empty((2, 3, (BLOCK + 1) ** 2))
+        out_above, out_below = np.empty(columns + 1, np.int64), np.empty(columns + 1, np.int64)
+        for k in range(2):
+            _look_at_corners(
+                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, tolerance,
+                row + k, room, below if k else above, out_below if k else out_above,
+            )  # fmt: skip
+        # The last row and column of blocks hold the last pixels; the others' belong to their neighbours.
+        bottom = h if row + 1 == rows else BLOCK * (row + 1)
+        for column in range(columns):
+            left, right = BLOCK * column, w if column + 1 == columns else BLOCK * (column + 1)
+            if smooth[row, column]:
+                out = out_above[column], out_above[column + 1], out_below[column], out_below[column + 1]
+                if out[0] & out[1] & out[2] & out[3]:
+                    continue
+                low = min(min(above[2, column], above[2, column + 1]), min(below[2, column], below[2, column + 1]))
+                high = max(max(above[2, column], above[2, column + 1]), max(below[2, column], below[2, column + 1]))
+                margin = 2.0 * _SMOOTH
+                if (
+                    (out[0] | out[1] | out[2] | out[3]) == 0
+                    and (low > margin or high < -margin)
+                    and _smooth_around(earlier_smooth, above, below, column)
+                ):
+                    if low > margin:
+                        _clear(keep, BLOCK * row, bottom, left, right)
+                    continue
+            single += _look_at_pixels(
+                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, tolerance,
+                BLOCK * row, bottom, left, right, block[0], block[1], keep,
+            )  # fmt: skip
+    return single
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def cover_cells(codes: U16, camera: F64, coding: F64, stride: int, others: F64, covered: U8) -> None:
+    """Sets the cells covered[k] [n, n] of the pictures of other cameras [k, CAMERA_SIZE] that the view's points fall
+    into; of its pixels only every stride-th both ways is looked at."""
+    h, w = codes.shape
+    n = covered.shape[1]
+    for k in numba.prange(others.shape[0]):
+        for y in range(0, h, stride):
+            for x in range(0, w, stride):
+                if codes[y, x] < coding[2]:
+                    continue
+                px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, _depth(codes[y, x], coding))
+                u, v, there = project_point(others[k], px, py, pz)
+                column, row = math.floor(u * n / others[k, 1]), math.floor(v * n / others[k, 2])
+                if there > 0.0 and column >= 0 and row >= 0 and column < n and row < n:
+                    covered[k, row, column] = 1

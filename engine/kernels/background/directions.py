@@ -1,0 +1,104 @@
+"""Directions round a camera, in cells of equal solid angle: how far away geometry has changed in each of them.
+
+A direction's row follows from its z, its column from a stand-in for its angle about z that needs no trigonometry. What
+is asked of a cone of directions may find some too many, never one too few.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base.tolerance import Slack, slack_at
+
+__all__ = ["COLUMNS", "ROWS", "forget_marks", "note_directions"]
+
+ROWS, COLUMNS = 128, 256
+_NARROW = 0.5  # sine up to which arcs are bounded by _ARC times their sine, and cosine of a cone that is everywhere
+_ARC = 1.05
+_ROOM = 2e-3  # for the rounding of float32 rays; of distances, a share
+
+U64 = npt.NDArray[np.uint64]
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _direction(camera: F64, points: F32, i: int) -> tuple[float, float, float, float]:
+    """The unit direction of a point from a camera (packed), nan where they coincide, and its distance."""
+    x, y, z = points[i, 0] - camera[16], points[i, 1] - camera[17], points[i, 2] - camera[18]
+    length = math.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length, length
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _cells(camera: F64, points: F32, a: int, b: int, c: int) -> tuple[int, int, int, int, float, float]:
+    """First row, last row, first column and number of columns of the cells in which a triangle is seen; bounds of its
+    distance."""
+    ax, ay, az, ad = _direction(camera, points, a)
+    bx, by, bz, bd = _direction(camera, points, b)
+    cx, cy, cz, cd = _direction(camera, points, c)
+    far = max(ad, bd, cd)
+    x, y, z = ax + bx + cx, ay + by + cy, az + bz + cz
+    length = math.sqrt(x * x + y * y + z * z)
+    x, y, z = x / length, y / length, z / length
+    # The cone round the middle that holds all three corners holds the triangle.
+    ac, bc, cc = x * ax + y * ay + z * az, x * bx + y * by + z * bz, x * cx + y * cy + z * cz
+    cosine = min(ac, bc, cc)
+    if not cosine > _NARROW:
+        return 0, ROWS - 1, 0, COLUMNS, 0.0, far
+    near = min(ad * ac, bd * bc, cd * cc)  # along the middle direction all of it is as far as a corner
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0)) + _ROOM
+    flat = math.sqrt(x * x + y * y)
+    low, high = z * cosine - flat * sine - _ROOM, z * cosine + flat * sine + _ROOM
+    if flat <= sine:  # round a pole
+        low, high = (low, 1.0) if z > 0.0 else (-1.0, high)
+    first = max(int((low + 1.0) * (0.5 * ROWS)), 0)
+    last = min(int((high + 1.0) * (0.5 * ROWS)), ROWS - 1)
+    if sine > _NARROW * flat:
+        return first, last, 0, COLUMNS, near, far
+    angle = y / (abs(x) + abs(y))  # grows with the true one, and no faster; 4 is a full turn
+    angle = angle + 1.0 if x >= 0.0 else 3.0 - angle
+    half = _ARC * sine / flat
+    left = math.floor((angle - half) * (0.25 * COLUMNS))
+    columns = min(math.floor((angle + half) * (0.25 * COLUMNS)) - left + 1, COLUMNS)
+    return first, last, left, columns, near, far
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def note_directions(cameras: F64, points: F32, triangles: I32, which: I64, cells: F32) -> None:
+    """Raises cells [cameras, ROWS, COLUMNS] to the distance at which the cameras (packed) see triangles `which` [n]."""
+    for k in numba.prange(cameras.shape[0]):
+        for i in which:
+            first, last, left, count, _near, far = _cells(
+                cameras[k], points, triangles[i, 0], triangles[i, 1], triangles[i, 2]
+            )
+            distance = np.float32(far * (1.0 + _ROOM))
+            for row in range(first, last + 1):
+                for column in range(left, left + count):
+                    cells[k, row, column % COLUMNS] = max(cells[k, row, column % COLUMNS], distance)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def forget_marks(
+    camera: F64, points: F32, triangles: I32, cells: F32, delta: Slack, marks: U64, word: int, bit: np.uint64
+) -> None:
+    """Takes a camera's bit from marks [m, words] of triangles that lie nearer, by delta / 2, than a cell [ROWS,
+    COLUMNS] in which it sees them says."""
+    for i in numba.prange(triangles.shape[0]):
+        if marks[i, word] & bit == 0:
+            continue
+        first, last, left, count, near, _far = _cells(
+            camera, points, triangles[i, 0], triangles[i, 1], triangles[i, 2]
+        )
+        farthest = np.float32(0.0)
+        for row in range(first, last + 1):
+            for column in range(left, left + count):
+                farthest = max(farthest, cells[row, column % COLUMNS])
+        if farthest > near + 0.5 * slack_at(delta, near):
+            marks[i, word] &= ~bit

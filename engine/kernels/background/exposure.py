@@ -1,0 +1,239 @@
+"""Exposure: samples of surfaces that two views see, and what they say of the views' tones.
+
+A tone here is float64 [3, 3], of luma, cb and cr relative to black and grey (64, 512, 512): the gain, offset and tint
+(share of the luma; 0 for luma itself) with which a view renders the common luma and chroma.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base.project import project_point, unproject_point
+from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
+
+__all__ = ["gather_samples", "solve_tones", "weigh_samples"]
+
+BLACK, GREY = 64.0, 512.0
+_DARKEST, _BRIGHTEST = 72, 920  # luma codes within which a sensor is neither blocked up nor clipped
+_REACH = 2  # pixels that a sample keeps away from depth edges, and from its picture's border
+_LEAST_SCALE = 1.0  # code values: residuals are not judged more finely
+# Conjugate gradients end where the square of what is left to explain has fallen to this share, or after so many times
+# the turns that would do without rounding.
+_SOLVED, _TURNS = 1e-24, 4
+_SCALES = 2.0  # residual, in robust standard deviations, at which a sample has lost three quarters of its weight
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _surface(row: F64, codes: int, u: float, v: float) -> float:
+    """Depth code round (u, v), -1 where there is a depth edge, no depth, or the picture's border."""
+    width, height = int(row[1]), int(row[2])
+    x, y = int(u), int(v)
+    if not (x >= _REACH and y >= _REACH and x < width - _REACH and y < height - _REACH):
+        return -1.0
+    total, low, high = 0, 65535, 0
+    for k in range(4):
+        dx, dy = (-_REACH, _REACH - 1)[k & 1], (-_REACH, _REACH - 1)[k >> 1]
+        code = load_texel(codes, (y + dy) * width + x + dx)
+        total, low, high = total + code, min(low, code), max(high, code)
+    if high - low > row[EDGE] or (low == 0 and row[INVALID] > 0.0):
+        return -1.0
+    return 0.25 * total
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _bilinear(plane: int, width: int, height: int, u: float, v: float) -> float:
+    x, y = min(max(u - 0.5, 0.0), width - 1.0), min(max(v - 0.5, 0.0), height - 1.0)
+    x0, y0 = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
+    right, below = min(1, width - 1), width if height > 1 else 0
+    at = y0 * width + x0
+    top = load_texel(plane, at) + (x - x0) * (load_texel(plane, at + right) - load_texel(plane, at))
+    low = load_texel(plane, at + below)
+    low = low + (x - x0) * (load_texel(plane, at + below + right) - low)
+    return top + (y - y0) * (low - top)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _colour(row: F64, planes: I64, u: float, v: float, out: F32) -> bool:
+    """Luma, cb and cr at (u, v), relative to black and grey; False where luma is at an end of its range."""
+    width, height = int(row[1]), int(row[2])
+    luma = _bilinear(planes[1], width, height, u, v)
+    if luma < _DARKEST or luma > _BRIGHTEST:
+        return False
+    half_width, half_height = (width + 1) // 2, (height + 1) // 2
+    out[0] = luma - BLACK
+    out[1] = _bilinear(planes[2], half_width, half_height, 0.5 * u, 0.5 * v) - GREY
+    out[2] = _bilinear(planes[3], half_width, half_height, 0.5 * u, 0.5 * v) - GREY
+    return True
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def gather_samples(
+    table: F64, addresses: I64, pairs: I64, due: I64, columns: int, rows: int, samples: F32, counts: I64
+) -> None:  # fmt: skip
+    """Colours of surfaces that both views of a pair see, at a grid of columns x rows of the first one's pixels.
+
+    table and addresses: see `kernels.base.view_table`; pairs [p, 2]: rows of these; due: the pairs that are looked at.
+    samples [p, columns * rows, 2, 3]: luma, cb, cr of both, relative to black and grey; the first counts[p] are filled.
+    """
+    for turn in numba.prange(due.shape[0]):
+        p = due[turn]
+        a, b = pairs[p, 0], pairs[p, 1]
+        here, there = table[a], table[b]
+        width, height, count = int(here[1]), int(here[2]), 0
+        for k in range(columns * rows):
+            # The corner that four pixels and one chroma sample share in the middle: their mean is the colour.
+            u = 2.0 * int((k % columns + 0.5) * width / (2.0 * columns)) + 1.0
+            v = 2.0 * int((k // columns + 0.5) * height / (2.0 * rows)) + 1.0
+            code = _surface(here, addresses[a, 0], u, v)
+            if code < 0.0:
+                continue
+            disparity = here[OFFSET] + here[STEP] * code
+            if not disparity > 0.0:
+                continue
+            x, y, z = unproject_point(here, u, v, 1.0 / disparity)
+            s, t, depth = project_point(there, x, y, z)
+            if not (depth > 0.0 and s >= 0.0 and t >= 0.0 and s < there[1] and t < there[2]):
+                continue
+            seen = _surface(there, addresses[b, 0], s, t)
+            if seen < 0.0 or abs((1.0 / depth - there[OFFSET]) / there[STEP] - seen) > there[TOLERANCE]:
+                continue
+            if _colour(here, addresses[a], u, v, samples[p, count, 0]) and _colour(
+                there, addresses[b], s, t, samples[p, count, 1]
+            ):
+                count += 1
+        counts[p] = count
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _common_luma(tone: F64, luma: float) -> float:
+    return (luma - tone[0, 1]) / tone[0, 0]
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def weigh_samples(samples: F32, counts: I64, nodes: I64, tones: F64, information: F64, evidence: F64) -> None:
+    """Robust normal equations of each pair and channel, for the difference of the two tones.
+
+    samples, counts: see `gather_samples`; nodes [p, 2]: rows of tones [n, 3, 3], the present estimate. A colour that
+    two views a and b render differs by (tone_a - tone_b) . (common value, 1, common luma), the common value being the
+    mean of what both come to by the present estimate: symmetric, so that noise does not flatten the gains.
+    information [p, 3, 3, 3] and evidence [p, 3, 3]: of channels, the weighted sums of basis x basis and of
+    basis x difference, in units of the pair's noise. Weights are Geman's and McClure's.
+    """
+    for p in numba.prange(nodes.shape[0]):
+        information[p] = 0.0
+        evidence[p] = 0.0
+        count = counts[p]
+        if count == 0:
+            continue
+        one, two = tones[nodes[p, 0]], tones[nodes[p, 1]]
+        basis, difference, residual = np.empty((count, 3)), np.empty(count), np.empty(count)
+        for channel in range(3):
+            for k in range(count):
+                a, b = samples[p, k, 0], samples[p, k, 1]
+                luma_a, luma_b = _common_luma(one, a[0]), _common_luma(two, b[0])
+                common_a = (a[channel] - one[channel, 1] - one[channel, 2] * luma_a) / one[channel, 0]
+                common_b = (b[channel] - two[channel, 1] - two[channel, 2] * luma_b) / two[channel, 0]
+                basis[k, 0], basis[k, 1] = 0.5 * (common_a + common_b), 1.0
+                basis[k, 2] = 0.5 * (luma_a + luma_b) if channel else 0.0
+                difference[k] = a[channel] - b[channel]
+                told = 0.0
+                for i in range(3):
+                    told += (one[channel, i] - two[channel, i]) * basis[k, i]
+                residual[k] = difference[k] - told
+            scale = max(1.4826 * np.median(np.abs(residual)), _LEAST_SCALE)
+            for k in range(count):
+                off = residual[k] / (_SCALES * scale)
+                weight = 1.0 / ((1.0 + off * off) ** 2 * scale * scale)
+                for i in range(3):
+                    evidence[p, channel, i] += weight * basis[k, i] * difference[k]
+                    for j in range(3):
+                        information[p, channel, i, j] += weight * basis[k, i] * basis[k, j]
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def solve_tones(
+    information: F64, evidence: F64, nodes: I64, weights: F64, precision: F64, off: F64
+) -> None:
+    """Least squares over all pairs: how the tones off [n, 3, 3] lie off the neutral one.
+
+    information, evidence, nodes [p, 2]: see `weigh_samples`; a node n or more is no unknown. weights [p]; precision
+    [3]: of gain, offset and tint about what is expected, which `off` holds at first. By conjugate gradients (Hestenes
+    and Stiefel 1952), preconditioned by each tone's own block: a view has few pairs, so the work grows with the views,
+    not with their cube.
+    """
+    count = off.shape[0]
+    for channel_ in numba.prange(3):
+        channel = np.int64(channel_)
+        told, tones, blocks = information[:, channel], off[:, channel], np.zeros((count, 3, 3))
+        step, towards, pulled = np.zeros((count + 1, 3)), np.zeros((count, 3)), np.zeros((count, 3))
+        step[:count] = tones  # what is expected: of the normal equations only what pairs tell is left
+        _pull(told, nodes, weights, step, pulled)
+        rest = -pulled
+        for p in range(nodes.shape[0]):
+            for side in range(2):
+                node, sign = nodes[p, side], weights[p] * (1 - 2 * side)
+                if node < count:
+                    rest[node] += sign * evidence[p, channel]
+                    blocks[node] += weights[p] * told[p]
+        for k in range(3):
+            blocks[:, k, k] += precision[k]
+        first = length = 0.0
+        for turn in range(_TURNS * 3 * count):
+            _solve_blocks(blocks, rest, towards)
+            before, length = length, (rest * towards).sum()
+            first = max(first, length)
+            if length <= _SOLVED * first:
+                break
+            for k in range(count):
+                step[k] = towards[k] + (length / before) * step[k] if turn > 0 else towards[k]
+            _pull(told, nodes, weights, step, pulled)
+            pulled += precision * step[:count]
+            share = length / (step[:count] * pulled).sum()
+            tones += share * step[:count]
+            rest -= share * pulled
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _pull(information: F64, nodes: I64, weights: F64, tones: F64, pulled: F64) -> None:
+    """How pairs (information [p, 3, 3]) pull at tones [n + 1, 3], of which the last, that of nodes n or more, is 0."""
+    count = tones.shape[0] - 1
+    pulled[:] = 0.0
+    for p in range(nodes.shape[0]):
+        a, b = min(nodes[p, 0], count), min(nodes[p, 1], count)
+        for i in range(3):
+            total = 0.0
+            for j in range(3):
+                total += information[p, i, j] * (tones[a, j] - tones[b, j])
+            if a < count:
+                pulled[a, i] += weights[p] * total
+            if b < count:
+                pulled[b, i] -= weights[p] * total
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _solve_blocks(blocks: F64, vectors: F64, out: F64) -> None:
+    """out [n, 3]: the solutions of systems [n, 3, 3], symmetric and positive definite, by Cholesky's method."""
+    factor = np.empty((3, 3))
+    for n in range(blocks.shape[0]):
+        for i in range(3):
+            out[n, i] = vectors[n, i]
+            for j in range(i + 1):
+                rest = blocks[n, i, j]
+                for k in range(j):
+                    rest -= factor[i, k] * factor[j, k]
+                factor[i, j] = rest / factor[j, j] if j < i else math.sqrt(rest)
+            for k in range(i):
+                out[n, i] -= factor[i, k] * out[n, k]
+            out[n, i] /= factor[i, i]
+        for i in range(2, -1, -1):
+            for k in range(i + 1, 3):
+                out[n, i] -= factor[k, i] * out[n, k]
+            out[n, i] /= factor[i, i]

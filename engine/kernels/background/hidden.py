@@ -1,0 +1,134 @@
+"""Which background triangles none of some eyes ever sees, because other background stands before them."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base.project import project_point
+from ..base.tolerance import Slack, slack_at
+from .culling import SAMPLES, SMALL_PX
+from .rays import ROUNDING, is_free
+from .standing import standing_hit
+
+__all__ = ["CELL", "flag_unseen", "mark_seen", "spread_seen"]
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+U8 = npt.NDArray[np.uint8]
+
+CELL = 4  # pixels of a source picture, each way, that are seen or unseen together; and how far what is seen spreads
+_RUN = 64  # neighbouring triangles, of which each first asks the eye that saw the one before
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _cells(uv: F32, triangle: I32, around: float, wraps: bool, cells: U8) -> tuple[int, int, int, int]:
+    """First and last column and row of the cells of a triangle, and of so many pixels around it."""
+    a, b, c = triangle[0], triangle[1], triangle[2]
+    left = math.floor((min(uv[a, 0], uv[b, 0], uv[c, 0]) - around) / CELL)
+    right = math.floor((max(uv[a, 0], uv[b, 0], uv[c, 0]) + around) / CELL)
+    top = math.floor((min(uv[a, 1], uv[b, 1], uv[c, 1]) - around) / CELL)
+    bottom = math.floor((max(uv[a, 1], uv[b, 1], uv[c, 1]) + around) / CELL)
+    if not wraps:
+        left, right = max(left, 0), min(right, cells.shape[1] - 1)
+    return left, right, max(top, 0), min(bottom, cells.shape[0] - 1)
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _is_beside(uv: F32, triangle: I32, wraps: bool, cells: U8) -> bool:
+    """Whether a triangle touches a cell that is set."""
+    left, right, top, bottom = _cells(uv, triangle, 0.0, wraps, cells)
+    found = False
+    for y in range(top, bottom + 1):
+        for x in range(left, right + 1):
+            found |= cells[y, x % cells.shape[1]] != 0
+    return found
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _is_small(uv: F32, triangle: I32) -> bool:
+    a, b, c = triangle[0], triangle[1], triangle[2]
+    width = max(uv[a, 0], uv[b, 0], uv[c, 0]) - min(uv[a, 0], uv[b, 0], uv[c, 0])
+    height = max(uv[a, 1], uv[b, 1], uv[c, 1]) - min(uv[a, 1], uv[b, 1], uv[c, 1])
+    return max(width, height) <= SMALL_PX
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _sees(
+    function: int, occluded: int, scene: int, eye: F64, bounds: F64, x: float, y: float, z: float,
+    owners: I64, table: F64, codes: I64, slack: Slack,
+) -> tuple[bool, int]:  # fmt: skip
+    """Whether nothing that an eye is shown stands before a point by more than the slack, and the rays cast."""
+    dx, dy, dz = x - eye[16], y - eye[17], z - eye[18]
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    free = 1.0 - max(slack_at(slack, distance) / distance, ROUNDING)
+    if not free > 0.0:
+        return True, 0
+    if is_free(occluded, scene, eye[16], eye[17], eye[18], dx, dy, dz, free):  # most are
+        return True, 1
+    u, v, distance = project_point(eye, x, y, z)
+    shown, _hu, _hv, _geometry, _primitive, _length, rays = standing_hit(
+        function, scene, eye, bounds, u, v, 0.0, owners, table, codes, slack
+    )
+    return not 0.0 < shown < free * distance, rays + 1
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def mark_seen(
+    function: int, occluded: int, scene: int, eyes: F64, bounds: F64, points: F32, uv: F32, triangles: I32, invalid: U8,
+    owners: I64, table: F64, codes: I64, slack: Slack, wraps: bool, cells: U8, seen: U8,
+) -> int:  # fmt: skip
+    """Sets seen [m] to 1 for valid triangles of which an eye (packed all-round cameras [n, 20]) sees a sample point;
+    returns the rays cast. Those that touch a cell that is set (see `spread_seen`) are not looked at. owners, table,
+    codes and slack: see `standing_hit`."""
+    rays = 0
+    for run in numba.prange((triangles.shape[0] + _RUN - 1) // _RUN):
+        last = 0
+        for i in range(run * _RUN, min((run + 1) * _RUN, triangles.shape[0])):
+            if invalid[i] != 0 or _is_beside(uv, triangles[i], wraps, cells):
+                continue
+            a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
+            samples = 1 if _is_small(uv, triangles[i]) else len(SAMPLES)
+            for k in range(samples * eyes.shape[0]):
+                p, q = SAMPLES[k // eyes.shape[0]]
+                r = 1.0 - p - q
+                eye = (last + k) % eyes.shape[0]
+                found, cast = _sees(
+                    function, occluded, scene, eyes[eye], bounds,
+                    p * points[a, 0] + q * points[b, 0] + r * points[c, 0],
+                    p * points[a, 1] + q * points[b, 1] + r * points[c, 1],
+                    p * points[a, 2] + q * points[b, 2] + r * points[c, 2],
+                    owners, table, codes, slack,
+                )  # fmt: skip
+                rays += cast
+                if found:
+                    seen[i], last = 1, eye
+                    break
+    return rays
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def spread_seen(uv: F32, triangles: I32, seen: U8, wraps: bool, cells: U8) -> None:
+    """Sets the cells [ceil(h / CELL), ceil(w / CELL)] of the source picture within CELL pixels of seen triangles."""
+    for i in numba.prange(triangles.shape[0]):
+        if seen[i] != 0:
+            left, right, top, bottom = _cells(uv, triangles[i], CELL, wraps, cells)
+            for y in range(top, bottom + 1):
+                for x in range(left, right + 1):
+                    cells[y, x % cells.shape[1]] = 1
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def flag_unseen(uv: F32, triangles: I32, wraps: bool, cells: U8, invalid: U8) -> int:
+    """Flags valid triangles as invalid that touch no cell that is set; returns how many."""
+    count = 0
+    for i in numba.prange(triangles.shape[0]):
+        if invalid[i] == 0 and not _is_beside(uv, triangles[i], wraps, cells):
+            invalid[i] = 1
+            count += 1
+    return count

@@ -1,0 +1,246 @@
+"""Ray casts from compiled code into Embree, and raw memory that its callbacks and shared buffers need.
+
+Library functions and buffers come as addresses (int64 scalars and tables), because a ctypes function pointer
+as a global would keep Numba from caching the kernels.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+import numpy.typing as npt
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from ..base.project import unproject_point
+
+__all__ = [
+    "BESIDE_PX",
+    "INVALID_ID",
+    "ROUNDING",
+    "distance_to_exit",
+    "farthest_hit",
+    "intersect1",
+    "is_free",
+    "load_f32",
+    "load_i64",
+    "load_u16",
+    "load_u32",
+    "mark_and_pass",
+    "or_u64",
+    "outside_ray",
+    "skip_invalid",
+]
+
+F64 = npt.NDArray[np.float64]
+
+INVALID_ID = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID
+ROUNDING = 1e-4  # share of a distance that float32 rays may be off by
+# Embree keeps rays from leaking through sides, but of those through the very corner where triangles meet one in
+# thousands slips by all of them. Corners are centres of pixels, and so are rays: what hits nothing is asked again a
+# little beside.
+BESIDE_PX = 1.0 / 32
+
+_I8, _I32, _I64, _F32 = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.FloatType()
+# RTCRayHit of Embree 4: ray (48 bytes) then hit (Ng, u, v, primID, geomID, instID[1], instPrimID[1], padding).
+_RAY_HIT_WORDS, _TFAR, _MASK = 24, 8, 9
+_U, _V, _PRIM_ID, _GEOM_ID, _INST_ID, _INST_PRIM_ID = 15, 16, 17, 18, 19, 20
+
+
+def _loader(numba_type: Any, llvm_type: Any) -> Any:
+    @intrinsic
+    def load(typing: Any, address: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.load(builder.inttoptr(arguments[0], llvm_type.as_pointer()), align=1)
+
+        return numba_type(types.int64), codegen
+
+    return load
+
+
+_load_u8 = _loader(types.uint8, _I8)
+load_u16 = _loader(types.uint16, ir.IntType(16))
+load_u32 = _loader(types.uint32, _I32)
+load_i64 = _loader(types.int64, _I64)
+load_f32 = _loader(types.float32, _F32)
+
+
+@intrinsic
+def _store_i32(typing: Any, address: Any, value: Any) -> Any:
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.store(arguments[1], builder.inttoptr(arguments[0], _I32.as_pointer()))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int32), codegen
+
+
+@intrinsic
+def or_u64(typing: Any, address: Any, bits: Any) -> Any:
+    """Sets bits of the uint64 at an address; threads that set the same bits do not disturb one another."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer = builder.inttoptr(arguments[0], _I64.as_pointer())
+        builder.store(builder.or_(builder.load(pointer), arguments[1]), pointer)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.uint64), codegen
+
+
+@intrinsic
+def intersect1(
+    typing: Any,
+    function: Any,
+    scene: Any,
+    query: Any,
+    ox: Any, oy: Any, oz: Any,
+    dx: Any, dy: Any, dz: Any,
+    near: Any,
+    far: Any,
+) -> Any:  # fmt: skip
+    """rtcIntersect1: (distance, u, v, geometry, primitive); the geometry is INVALID_ID where nothing was hit.
+
+    `function`, `scene` and `query` (RTCIntersectArguments or 0) are addresses; origin, direction and the
+    interval of distances (in lengths of the direction) are float32.
+    """
+    f32, u32, i64 = types.float32, types.uint32, types.int64
+    result = types.Tuple((f32, f32, f32, u32, u32))
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        fn, scene_, query_, *numbers = arguments
+        block = ir.ArrayType(_I32, _RAY_HIT_WORDS)
+        memory = cgutils.alloca_once(builder, block)
+        memory.align = 16
+        words = builder.bitcast(memory, _I32.as_pointer())
+
+        def word(index: int, llvm_type: Any) -> Any:
+            return builder.bitcast(builder.gep(words, [_I32(index)]), llvm_type.as_pointer())
+
+        ox_, oy_, oz_, dx_, dy_, dz_, near_, far_ = numbers
+        ray = (ox_, oy_, oz_, near_, dx_, dy_, dz_, _F32(0.0), far_)
+        for index, value in enumerate(ray):
+            builder.store(value, word(index, _F32))
+        for index, constant in ((_MASK, -1), (10, 0), (11, 0)):
+            builder.store(_I32(constant), word(index, _I32))
+        for index in (_GEOM_ID, _INST_ID, _INST_PRIM_ID):
+            builder.store(_I32(-1), word(index, _I32))
+        signature_ = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] * 3)
+        builder.call(
+            builder.inttoptr(fn, signature_.as_pointer()),
+            [
+                builder.inttoptr(scene_, cgutils.voidptr_t),
+                builder.bitcast(memory, cgutils.voidptr_t),
+                builder.inttoptr(query_, cgutils.voidptr_t),
+            ],
+        )
+        values = [builder.load(word(i, _F32)) for i in (_TFAR, _U, _V)]
+        values += [builder.load(word(i, _I32)) for i in (_GEOM_ID, _PRIM_ID)]
+        return context.make_tuple(builder, result, values)
+
+    return result(i64, i64, i64, *([f32] * 8)), codegen
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def is_free(
+    occluded: int, scene: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, far: float
+) -> bool:
+    """Whether a ray meets nothing up to `far` (in lengths of its direction). Where it does, the first thing that is
+    found ends the search, wherever on the ray; occluded: the address of rtcOccluded1."""
+    # RTCRayHit starts with the RTCRay that rtcOccluded1 takes; where something is hit, it sets tfar to -inf.
+    left, _u, _v, _geometry, _primitive = intersect1(
+        occluded, scene, 0, np.float32(ox), np.float32(oy), np.float32(oz), np.float32(dx), np.float32(dy),
+        np.float32(dz), np.float32(0.0), np.float32(far),
+    )  # fmt: skip
+    return left >= np.float32(0.0)
+
+
+# Filter callbacks get RTCFilterFunctionNArguments: valid, geometryUserPtr, context, ray, hit, N. With
+# rtcIntersect1, N is 1 and the hit's words are Ng x 3, u, v, primID, geomID.
+
+
+@numba.cfunc(types.void(types.intp), cache=True)
+def skip_invalid(arguments: int) -> None:
+    """Intersect filter of a geometry whose user data is a uint8 flag a triangle: flagged ones are not there."""
+    primitive = load_u32(load_i64(arguments + 32) + 20)
+    if _load_u8(load_i64(arguments + 8) + numba.int64(primitive)):
+        _store_i32(load_i64(arguments), numba.int32(0))
+
+
+@numba.cfunc(types.void(types.intp), cache=True)
+def mark_and_pass(arguments: int) -> None:
+    """Intersect filter of a query: marks every triangle on the ray's interval, and lets the ray go on.
+
+    The query's context is followed (at byte 16) by the address of a table with, per geometry, the address of
+    its marks (uint64) and their stride in bytes; then the byte offset of the word and the bits to set.
+    """
+    context, hit = load_i64(arguments + 16), load_i64(arguments + 32)
+    primitive, geometry = numba.int64(load_u32(hit + 20)), numba.int64(load_u32(hit + 24))
+    entry = load_i64(context + 16) + 16 * geometry
+    address = load_i64(entry) + primitive * load_i64(entry + 8) + load_i64(context + 24)
+    or_u64(address, numba.uint64(load_i64(context + 32)))
+    _store_i32(load_i64(arguments), numba.int32(0))
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def distance_to_exit(bounds: F64, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
+    """How far a ray goes until it has left a box [2, 3] for good; negative where it never meets it again."""
+    far = math.inf
+    for axis, start, step in ((0, x, dx), (1, y, dy), (2, z, dz)):
+        if step > 0.0:
+            far = min(far, (bounds[1, axis] - start) / step)
+        elif step < 0.0:
+            far = min(far, (bounds[0, axis] - start) / step)
+    return far
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def outside_ray(
+    camera: F64, bounds: F64, u: float, v: float
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """The ray from outside the scene's bounds toward a camera, through (u, v) of its picture.
+
+    Origin (3), unit direction (3), distance to the camera (<= 0: the ray misses the scene), and the distance from the
+    camera that a depth of 1 makes.
+    """
+    x, y, z = unproject_point(camera, u, v, 1.0)
+    dx, dy, dz = x - camera[16], y - camera[17], z - camera[18]
+    length = math.sqrt(dx * dx + dy * dy + dz * dz)
+    dx, dy, dz = dx / length, dy / length, dz / length
+    far = distance_to_exit(bounds, camera[16], camera[17], camera[18], dx, dy, dz)
+    return (
+        camera[16] + far * dx, camera[17] + far * dy, camera[18] + far * dz,
+        -dx, -dy, -dz, far, length,
+    )  # fmt: skip
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def farthest_hit(
+    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float
+) -> tuple[float, float, float, int, int, float]:
+    """What lies farthest behind (u, v) of a camera: distance from the camera, barycentric u and v, geometry,
+    primitive, and the distance that a depth of 1 makes. The distance is negative where nothing is hit, nor beside."""
+    hit = _farthest_along(function, scene, camera, bounds, u, v)
+    if hit[0] < 0.0:
+        hit = _farthest_along(function, scene, camera, bounds, u + BESIDE_PX, v - BESIDE_PX)
+    return hit
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _farthest_along(
+    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float
+) -> tuple[float, float, float, int, int, float]:
+    """`farthest_hit` by a single ray."""
+    x, y, z, dx, dy, dz, far, length = outside_ray(camera, bounds, u, v)
+    if not far > 0.0:
+        return -1.0, 0.0, 0.0, -1, -1, length
+    t, hu, hv, geometry, primitive = intersect1(
+        function, scene, 0, np.float32(x), np.float32(y), np.float32(z),
+        np.float32(dx), np.float32(dy), np.float32(dz), np.float32(0.0), np.float32(far),
+    )  # fmt: skip
+    if geometry == INVALID_ID:
+        return -1.0, 0.0, 0.0, -1, -1, length
+    return far - t, hu, hv, numba.int64(geometry), numba.int64(primitive), length

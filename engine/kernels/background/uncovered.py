@@ -1,0 +1,157 @@
+"""Where the views that are drawn may leave holes for an eye that is not quite known: the rest needs no background.
+
+A view's surface hides what is behind it from an eye near by, but for what is near its cuts, or near the border of its
+picture: nothing else can open when the eye moves. Views are looked at in blocks, and the picture of the background in
+cells, one view after the other.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base.project import PERSPECTIVE, project_pixels
+from ..base.view_table import INVALID, OFFSET, STEP, load_byte, load_texel
+from ..geometry.cuts import BROKEN
+from .rays import load_i64
+
+__all__ = ["BLOCK", "CELL", "mark_uncovered"]
+
+BLOCK = 16  # pixels of a view
+CELL = 4  # pixels of the background's picture
+_COVERED, _CUT = 1, 2  # bits of a cell
+_FARTHEST = 6  # cells that an eye's moves may shift a surface by; what shifts more is not relied on
+_WIDEST = 40  # cells; blocks whose images are larger are not relied on
+_WORD_BROKEN = BROKEN * 0x0101010101010101
+
+U8 = npt.NDArray[np.uint8]
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _look_at_corners(view: F64, codes: int, camera: F64, row: int, pixels: F64, images: F64) -> None:
+    """images [3, columns + 1]: u, v and depth in the background's picture of the corners of a row of blocks; depth 0
+    where a corner has none. Corners are pixels of every sixteenth row and column, and of the last. pixels: room."""
+    w, y, count = int(view[1]), min(BLOCK * row, int(view[2]) - 1), images.shape[1]
+    for i in range(count):
+        x = min(BLOCK * i, w - 1)
+        code = load_texel(codes, y * w + x)
+        disparity = view[OFFSET] + view[STEP] * code
+        pixels[0, i], pixels[1, i] = x + 0.5, y + 0.5
+        pixels[2, i] = disparity if (code > 0 or view[INVALID] == 0.0) and disparity > 0.0 else -1.0
+    project_pixels(view, camera, pixels, images, count)
+    for i in range(count):
+        images[2, i] = images[2, i] if pixels[2, i] > 0.0 else 0.0
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _any_cut(flags: int, w: int, top: int, bottom: int, left: int, right: int) -> bool:
+    """Whether a cut touches one of a block's pixels; the last ones belong to it."""
+    found, last = 0, right - 7
+    for y in range(top, bottom + 1):
+        at = flags + y * w
+        x = left
+        while x <= last:
+            found |= load_i64(at + x)
+            x += 8
+        while x <= right:
+            found |= load_byte(at, x)
+            x += 1
+    return found & _WORD_BROKEN != 0
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _mark(cells: U8, nearest: F32, bit: int, box: tuple[float, float, float, float], depth: float) -> None:
+    """Sets a bit of the cells that a box [u, v, u, v] of the picture touches, and keeps the nearest depth."""
+    rows, columns = cells.shape
+    left, right = max(math.floor(box[0] / CELL), 0), min(math.floor(box[2] / CELL), columns - 1)
+    top, bottom = max(math.floor(box[1] / CELL), 0), min(math.floor(box[3] / CELL), rows - 1)
+    for y in range(top, bottom + 1):
+        for x in range(left, right + 1):
+            cells[y, x] |= bit
+            nearest[y, x] = min(nearest[y, x], depth)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mark_view(view: F64, codes: int, flags: int, camera: F64, cells: U8, nearest: F32) -> None:
+    """Marks the cells that a view's surface lies in, and those that its cuts and its border lie in."""
+    w, h = int(view[1]), int(view[2])
+    rows, columns = max(1, (h - 2) // BLOCK + 1), max(1, (w - 2) // BLOCK + 1)
+    border = view[19] == 0.0
+    corners, room = np.empty((2, 3, columns + 1)), np.empty((3, columns + 1))
+    _look_at_corners(view, codes, camera, 0, room, corners[1])
+    for row in range(rows):
+        corners[0] = corners[1]
+        _look_at_corners(view, codes, camera, row + 1, room, corners[1])
+        for column in range(columns):
+            u_low, v_low, u_high, v_high, depth, count = math.inf, math.inf, -math.inf, -math.inf, math.inf, 0
+            for k in range(4):
+                u, v, d = corners[k >> 1, :, column + (k & 1)]
+                if d > 0.0:
+                    u_low, u_high, v_low, v_high = min(u_low, u), max(u_high, u), min(v_low, v), max(v_high, v)
+                    depth, count = min(depth, d), count + 1
+            if count == 0 or u_high < 0.0 or v_high < 0.0 or u_low > camera[1] or v_low > camera[2]:
+                continue
+            box = u_low, v_low, u_high, v_high
+            wide = max(u_high - u_low, v_high - v_low) > _WIDEST * CELL
+            outer = row == 0 or row + 1 == rows or (border and (column == 0 or column + 1 == columns))
+            if count == 4 and not wide and not outer:
+                bottom, right = min(BLOCK * (row + 1), h - 1), min(BLOCK * (column + 1), w - 1)
+                if not _any_cut(flags, w, BLOCK * row, bottom, BLOCK * column, right):
+                    _mark(cells, nearest, _COVERED, box, depth)
+                    continue
+            if not wide:
+                _mark(cells, nearest, _CUT, box, depth)
+                continue
+            for k in range(4):
+                u, v, d = corners[k >> 1, :, column + (k & 1)]
+                if d > 0.0:
+                    _mark(cells, nearest, _CUT, (u, v, u, v), d)
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _pixels_a_radian(camera: F64, u: float, v: float) -> float:
+    """By how many pixels, at most, a point at depth 1 moves in a picture for each length that the camera moves by."""
+    if camera[0] == PERSPECTIVE:
+        y, z = (camera[5] - u) / camera[3], (camera[6] - v) / camera[4]
+        return max(abs(camera[3]), abs(camera[4])) * math.sqrt(1.0 + y * y + z * z)
+    return 1.0 / min(camera[4] * max(math.cos(camera[5] - v * camera[6]), 1e-3), camera[6])
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _safe(cells: U8, y: int, x: int, reach: int) -> bool:
+    """Whether all cells up to `reach` away are covered, and none is cut."""
+    rows, columns = cells.shape
+    for j in range(max(y - reach, 0), min(y + reach, rows - 1) + 1):
+        for i in range(max(x - reach, 0), min(x + reach, columns - 1) + 1):
+            if cells[j, i] != _COVERED:
+                return False
+    return True
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def mark_uncovered(table: F64, addresses: I64, camera: F64, reach_m: float, wanted: U8) -> None:
+    """wanted [ceil(h / CELL), ceil(w / CELL)] of a camera's picture: 1 where an eye up to `reach_m` metres away from
+    the camera may look past what all of some views show, else 0.
+
+    table, addresses: the views as `kernels.base.view_table` has them, with cuts.
+    """
+    rows, columns = wanted.shape
+    views = table.shape[0]
+    cells = np.zeros((views, rows, columns), np.uint8)
+    nearest = np.full((views, rows, columns), np.float32(np.inf))
+    for k in numba.prange(views):
+        _mark_view(table[k], addresses[k, 0], addresses[k, 4], camera, cells[k], nearest[k])
+    for row in numba.prange(rows):
+        for x in range(columns):
+            found, shift = False, reach_m * _pixels_a_radian(camera, CELL * (x + 0.5), CELL * (row + 0.5)) / CELL
+            for k in range(views):
+                if cells[k, row, x] == _COVERED and not found:
+                    reach = shift / nearest[k, row, x]
+                    found = reach <= _FARTHEST and _safe(cells[k], row, x, int(reach) + 1)
+            wanted[row, x] = not found

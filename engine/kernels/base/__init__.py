@@ -1,0 +1,1 @@
+"""Kernels that the other groups share: vectors, projection, tones, view tables, tolerances."""

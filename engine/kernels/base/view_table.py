@@ -1,0 +1,71 @@
+"""Views as kernels read them: a table of what they are, and the addresses of their pictures.
+
+A view table is float64 [n, TABLE_SIZE] (packed camera, then the fields below) beside int64 [n, 5], the addresses
+of its C-contiguous arrays: codes, y, cb, cr (uint16) and, for views that are drawn, where their surface is cut (uint8,
+the flags of `kernels.geometry.triangulate`). Chroma is 4:2:0 or of the size of the luma. The caller keeps the arrays
+alive.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+from .project import CAMERA_SIZE
+from .tone import TONE_SIZE
+
+__all__ = [
+    "COLUMNS",
+    "EDGE",
+    "INVALID",
+    "OFFSET",
+    "PIXEL",
+    "ROWS",
+    "SHARPNESS",
+    "STEP",
+    "SUBSAMPLED",
+    "TABLE_SIZE",
+    "TOLERANCE",
+    "TONE",
+    "load_byte",
+    "load_texel",
+]
+
+OFFSET = CAMERA_SIZE  # disparity of code 0
+STEP = CAMERA_SIZE + 1  # disparity of a code step
+INVALID = CAMERA_SIZE + 2  # 1 where code 0 means "no depth"
+TOLERANCE = CAMERA_SIZE + 3  # codes within which a view agrees
+EDGE = CAMERA_SIZE + 4  # code step between texels that is a depth edge
+SHARPNESS = CAMERA_SIZE + 5  # pixels a radian, relative to the target's
+COLUMNS = CAMERA_SIZE + 6  # columns a radian (equirectangular)
+ROWS = CAMERA_SIZE + 7
+PIXEL = CAMERA_SIZE + 8  # radians a pixel
+SUBSAMPLED = CAMERA_SIZE + 9  # 1 where chroma is 4:2:0, 0 where it has the size of the luma
+TONE = CAMERA_SIZE + 10  # a packed tone: what is done to the view's colours
+TABLE_SIZE = TONE + TONE_SIZE
+
+
+def _element_of(bits: int) -> Any:
+    """An intrinsic's signature and code: the unsigned element of so many bits at (address, index)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        pointer = builder.inttoptr(args[0], ir.IntType(bits).as_pointer())
+        value = builder.load(builder.gep(pointer, [args[1]]))
+        return builder.zext(value, ir.IntType(64))
+
+    return types.int64(types.int64, types.int64), codegen
+
+
+@intrinsic
+def load_texel(typingctx: Any, address: Any, index: Any) -> Any:
+    """The uint16 at address + 2 * index: pictures of different views are reached through one table."""
+    return _element_of(16)
+
+
+@intrinsic
+def load_byte(typingctx: Any, address: Any, index: Any) -> Any:
+    """The uint8 at address + index."""
+    return _element_of(8)

@@ -1,0 +1,1 @@
+"""Kernels that only measurements and ground truth need."""

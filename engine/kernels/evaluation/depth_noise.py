@@ -1,0 +1,39 @@
+"""The errors of estimated depth: correlated noise over the codes, and depth edges that miss the texture's."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..synth.patterns import value_noise
+
+__all__ = ["perturb_codes"]
+
+CodeArray = npt.NDArray[np.uint16]
+
+
+@numba.njit(parallel=True, nogil=True, cache=True, error_model="numpy")
+def perturb_codes(
+    codes: CodeArray, frame: int, seed: int, shift_px: float, error: float, max_code: int, out: CodeArray
+) -> None:
+    """Write depth codes [h, w] with errors to `out`.
+
+    Codes are taken from up to `shift_px` pixels aside, so that edges wander, and are off by up to `error`
+    codes. Both vary smoothly over the picture, in part from frame to frame and in part not.
+    """
+    height, width = codes.shape
+    cell = width / 40.0
+    for y in numba.prange(height):
+        for x in range(width):
+            u, v, time = x / cell, y / cell, 0.35 * frame
+            across = value_noise(4.0 * u, 4.0 * v, time, seed + 1)
+            down = value_noise(4.0 * u, 4.0 * v, time, seed + 2)
+            source_x = min(max(int(np.rint(x + shift_px * across)), 0), width - 1)
+            source_y = min(max(int(np.rint(y + shift_px * down)), 0), height - 1)
+            wave = 0.4 * value_noise(u, v, 0.0, seed + 3) + 0.4 * value_noise(
+                2.0 * u, 2.0 * v, time, seed + 4
+            )
+            grain = 0.2 * value_noise(8.0 * u, 8.0 * v, 3.0 * time, seed + 5)
+            code = np.rint(codes[source_y, source_x] + error * (wave + grain))
+            out[y, x] = np.uint16(min(max(code, 0.0), float(max_code)))

@@ -1,0 +1,69 @@
+"""Rays in numbers, as `background.rays.farthest_hit` casts them, to be held against what is known of a scene."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..background.rays import farthest_hit
+from ..base.project import project_point
+
+__all__ = ["count_leaks", "farthest_distances"]
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I32 = npt.NDArray[np.int32]
+
+_SHARE = 1.0 / (1 << 32)
+
+
+@numba.njit(inline="always", cache=True)
+def _random(state: np.uint64) -> np.uint64:
+    """The next of a sequence (splitmix64, Steele et al. 2014)."""
+    z = state + np.uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def count_leaks(
+    function: int, scene: int, bounds: F64, points: F32, triangles: I32, cameras: F64, seed: int, rays: int
+) -> tuple[int, int, int]:
+    """How many of so many rays each hit nothing: from random cameras [n, 20] toward random triangles' insides, toward
+    their sides, and toward their corners."""
+    inside, sides, corners = 0, 0, 0
+    for i in numba.prange(rays):
+        a = _random(np.uint64(seed) + np.uint64(i) * np.uint64(3))
+        b = _random(a)
+        c = _random(b)
+        camera = cameras[np.int64(a % np.uint64(len(cameras)))]
+        triangle = triangles[np.int64(b % np.uint64(len(triangles)))]
+        p, q = _SHARE * np.float64(c & np.uint64(0xFFFFFFFF)), _SHARE * np.float64(c >> np.uint64(32))
+        p, q = (1.0 - p, 1.0 - q) if p + q > 1.0 else (p, q)
+        for kind in range(3):
+            second, third = p if kind < 2 else 0.0, q if kind < 1 else 0.0
+            x, y, z = 0.0, 0.0, 0.0
+            for corner in range(3):
+                share = 1.0 - second - third if corner == 0 else (second if corner == 1 else third)
+                x += share * points[triangle[corner], 0]
+                y += share * points[triangle[corner], 1]
+                z += share * points[triangle[corner], 2]
+            u, v, _depth = project_point(camera, x, y, z)
+            missed = farthest_hit(function, scene, camera, bounds, u, v)[0] < 0.0
+            inside += missed and kind == 0
+            sides += missed and kind == 1
+            corners += missed and kind == 2
+    return inside, sides, corners
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def farthest_distances(function: int, scene: int, camera: F64, bounds: F64, distances: F64) -> None:
+    """distances [h, w]: those of the farthest hits behind the pixels of a camera, nan where there is none."""
+    for row in numba.prange(distances.shape[0]):
+        for x in range(distances.shape[1]):
+            found = farthest_hit(function, scene, camera, bounds, x + 0.5, row + 0.5)[0]
+            distances[row, x] = found if found > 0.0 else math.nan

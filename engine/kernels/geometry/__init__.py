@@ -1,0 +1,1 @@
+"""Kernels of depth maps and triangles: cuts, splits, triangulation, completion, reduction."""

@@ -1,0 +1,129 @@
+"""Which blocks of a view have changed since its last frame."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base import lanes
+from ..base.lanes import LANES
+from .splits import BLOCK
+
+__all__ = ["changed_blocks", "changed_flags", "kept_blocks", "note_changes", "remade_blocks"]
+
+U8 = npt.NDArray[np.uint8]
+U16 = npt.NDArray[np.uint16]
+I64 = npt.NDArray[np.int64]
+
+# Where in a tile of 32 x 32 pixels something has changed, along one axis: in its first three, anywhere, in its last
+# two. Blocks reach a pixel farther than their tile, and depth edges are told by two more on either side.
+FIRST, ANY, LAST = 1, 2, 4
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _changed_columns(codes: U16, last: U16, tiles: U8) -> None:
+    """Bring a row of `last` up to date; tiles [n]: set the bits of where it was not."""
+    w = codes.shape[0]
+    for j in range((w + LANES - 1) // LANES):
+        word, x = 0, LANES * j
+        if x + LANES <= w:
+            old, new = last.ctypes.data + 2 * x, codes.ctypes.data + 2 * x
+            word = lanes.differ(old, new)
+            if word != 0:
+                lanes.move(new, old)
+        else:
+            for k in range(w - x):
+                word |= (codes[x + k] != last[x + k]) << k
+                last[x + k] = codes[x + k]
+        for half in range(2 if word != 0 else 0):
+            part = (word >> 32 * half) & 0xFFFFFFFF
+            if part != 0:
+                tiles[2 * j + half] |= ANY | (FIRST if part & 7 else 0) | (LAST if part >> 30 else 0)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def note_changes(codes: U16, last: U16, tiles: U8) -> None:
+    """Bring last [h, w] up to date; tiles [ceil(h / 32), 3, ceil(w / 32)]: bits of where, in columns, a tile's first
+    three rows, any, or its last two have changed."""
+    h = codes.shape[0]
+    for row in numba.prange(tiles.shape[0]):
+        i = int(np.int64(row))
+        tiles[i] = 0
+        for y in range(BLOCK * i, min(BLOCK * (i + 1), h)):
+            zone = 0 if y - BLOCK * i < 3 else (2 if y - BLOCK * i >= BLOCK - 2 else 1)
+            _changed_columns(codes[y], last[y], tiles[i, zone])
+        for j in range(tiles.shape[2]):
+            tiles[i, 1, j] |= tiles[i, 0, j] | tiles[i, 2, j]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def changed_blocks(tiles: U8, wraps: bool, changed: U8) -> None:
+    """changed [rows, columns]: 1 where a block's triangles may not be what they were."""
+    rows, columns = changed.shape
+    across = tiles.shape[2]
+    for i in range(rows):
+        for j in range(columns):
+            changed[i, j] = 0
+            for di in range(-1, 2):
+                for dj in range(-1, 2):
+                    y, x = i + di, j + dj
+                    beyond = x < 0 or x >= across
+                    if y < 0 or y >= tiles.shape[0] or (beyond and not wraps):
+                        continue
+                    whole = dj == 0 or x < 0  # round the picture the tile before may be narrower
+                    meant = ANY if whole else (LAST if dj < 0 else FIRST)
+                    changed[i, j] |= (tiles[y, (2, 1, 0)[di + 1], x % across] & meant) != 0
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def changed_flags(changed: U8, wanted: U8) -> None:
+    """wanted [ceil(h / 64), ceil(w / 64)]: 1 where flags of pixels may not be what they were (`cuts.mark_broken`)."""
+    for a in range(wanted.shape[0]):
+        for b in range(wanted.shape[1]):
+            # The picture's last row and column may belong to no block but the one before.
+            wanted[a, b] = changed[max(2 * a - 1, 0) : 2 * a + 2, max(2 * b - 1, 0) : 2 * b + 2].any()
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def remade_blocks(changed: U8, splits: I64, before: I64, remade: U8) -> None:
+    """remade [rows, columns]: 1 where a block has changed or its splits [rows, columns, WORDS] have."""
+    for row in numba.prange(changed.shape[0]):
+        i = int(np.int64(row))
+        for j in range(changed.shape[1]):
+            other = np.int64(0)
+            for k in range(splits.shape[2]):
+                other |= splits[i, j, k] ^ before[i, j, k]
+            remade[i, j] = (changed[i, j] != 0) | (other != 0)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True)
+def _tiles_with(keep: U8, tiles: U8) -> None:
+    """tiles [ceil(h / 32), ceil(w / 32)]: 1 where one of a tile's pixels is kept."""
+    h, w = keep.shape
+    for row in numba.prange(tiles.shape[0]):
+        i = int(np.int64(row))
+        for j in range(tiles.shape[1]):
+            found = np.uint8(0)
+            for y in range(BLOCK * i, min(BLOCK * (i + 1), h)):
+                for x in range(BLOCK * j, min(BLOCK * (j + 1), w)):
+                    found |= keep[y, x]
+            tiles[i, j] = found != 0
+
+
+@numba.njit(cache=True, nogil=True)
+def kept_blocks(keep: U8, wraps: bool, blocks: U8) -> None:
+    """blocks [rows, columns]: 1 where a block's triangles have kept pixels, or a block beside it has such."""
+    tiles = np.empty(((keep.shape[0] + BLOCK - 1) // BLOCK, (keep.shape[1] + BLOCK - 1) // BLOCK), np.uint8)
+    _tiles_with(keep, tiles)
+    rows, columns = tiles.shape
+    for i in range(blocks.shape[0]):
+        for j in range(blocks.shape[1]):
+            blocks[i, j] = 0
+            # Blocks reach a pixel into the tiles behind them, and those beside them as far again.
+            for y in range(max(i - 1, 0), min(i + 3, rows)):
+                for x in range(j - 1, j + 3):
+                    if wraps or 0 <= x < columns:
+                        blocks[i, j] |= tiles[y, x % columns]
+        if wraps:  # the last reach the picture's first pixels
+            blocks[i, 0] |= blocks[i, blocks.shape[1] - 1]

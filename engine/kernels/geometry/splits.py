@@ -1,0 +1,270 @@
+"""Which vertices of an error-bounded triangulation are split, a right-triangulated irregular network of pixel centres.
+
+The picture is cut into blocks of 32 x 32 quads. A block is halved along a diagonal and its triangles are halved again
+and again at the middle of their longest side, down to half quads. Every grid vertex is the middle of one longest side,
+so the question "split here?" belongs to the vertex. Two kinds of vertices alternate: "centres" of squares of size 2s,
+on a diagonal, and "middles" of their sides. The diagonal of the square with corner (i, j), in units of its size, goes
+down-right where i + j is even.
+
+A block by itself wants a vertex split where its error is above the tolerance: the vertex' own deviation from the middle
+of its side, plus the largest error of the (up to four) vertices that would split the block's halves beside it. This
+bounds how far any depth code of the block under the triangles that meet at the side lies from their planes: a bound,
+not an estimate. As a parent's error is never below its children's, a block alone has no T-junctions. Between blocks a
+vertex is split where either wants it, and so are then its parents, on both sides of it.
+
+A block's splits are words int64 [35]: bit x of word y says whether the vertex in column x and row y is split, bit y of
+the last two words says it of the first column and of the last one (without corners).
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base import lanes
+from .cuts import BROKEN, KEPT
+
+__all__ = [
+    "BLOCK",
+    "EMPTY",
+    "EVEN",
+    "MIXED",
+    "ODD",
+    "PLAIN",
+    "SIDE",
+    "WORDS",
+    "find_mixed",
+    "join_blocks",
+    "split_blocks",
+]
+
+U8 = npt.NDArray[np.uint8]
+U16 = npt.NDArray[np.uint16]
+I64 = npt.NDArray[np.int64]
+
+BLOCK = 32
+SIDE = BLOCK + 1  # vertices
+WORDS = SIDE + 2
+_FIRST, _LAST = SIDE, SIDE + 1  # words
+
+# What is known of a block's pixels: none is kept; all are and none is broken; anything.
+EMPTY, PLAIN, MIXED = 0, 1, 2
+
+# Scratch rows: a block's codes and per vertex what its own pixel demands, then errors of middles and of centres. Beside
+# and round the latter there are only zeros, for children that lie in other blocks.
+_PITCH, _LEFT = 96, 16
+_CODES, _OWN, _MIDDLES, _CENTRES = 0, SIDE, 2 * SIDE, 3 * SIDE + 8
+_ROWS = 4 * SIDE + 16
+_PITCH_BYTES = 2 * _PITCH
+_INFINITE = 65535
+_COLUMNS = (1 << SIDE) - 1  # the bits of a block's vertices
+_INNER = (1 << BLOCK) - 2  # of a side without the block's corners
+
+# By s: the bits at odd and at even multiples of s.
+ODD = np.array([sum(1 << x for x in range(s, SIDE, max(2 * s, 1)) if s) for s in range(SIDE)], np.int64)
+EVEN = np.array([sum(1 << x for x in range(0, SIDE, max(2 * s, 1)) if s) for s in range(SIDE)], np.int64)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _reaches_out(x: int, y: int, last_x: int, last_y: int) -> bool:
+    """Whether the side that a block's vertex is the middle of ends outside the picture."""
+    step_x, step_y = x & -x if x else BLOCK, y & -y if y else BLOCK
+    step = min(step_x, step_y)
+    beyond_x, beyond_y = x + (step if step_x <= step_y else 0), y + (step if step_y <= step_x else 0)
+    return beyond_x > last_x or beyond_y > last_y
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _load_block(codes: U16, flags: U8, x0: int, y0: int, limit: int, scratch: U16) -> int:
+    """Copy a block's codes and what they demand to the scratch rows; returns what is known of its pixels."""
+    h, w = codes.shape
+    at_codes = scratch.ctypes.data + 2 * (_LEFT + _PITCH * _CODES)
+    at_own = scratch.ctypes.data + 2 * (_LEFT + _PITCH * _OWN)
+    broken, kept = 0, 0
+    if x0 + BLOCK < w and y0 + BLOCK < h and (y0 + BLOCK) * w + x0 + lanes.LANES <= h * w:
+        for y in range(SIDE):
+            at = (y0 + y) * w + x0
+            lanes.move(codes.ctypes.data + 2 * at, at_codes + _PITCH_BYTES * y)
+            word = lanes.bits_of(flags.ctypes.data + at, BROKEN)
+            lanes.mark(word, at_own + _PITCH_BYTES * y)
+            broken |= word
+            kept |= lanes.bits_of(flags.ctypes.data + at, KEPT)
+        if kept & _COLUMNS == 0:
+            return EMPTY
+        return MIXED if broken & _COLUMNS else PLAIN  # where the mask changes, pixels are broken
+    some = 0
+    for y in range(SIDE):
+        for x in range(SIDE):
+            py, px = min(y0 + y, h - 1), min(x0 + x, limit) % w
+            flag = flags[py, px]
+            own = flag & BROKEN or _reaches_out(x, y, limit - x0, h - 1 - y0)
+            scratch[_CODES + y, _LEFT + x] = codes[py, px]
+            scratch[_OWN + y, _LEFT + x] = _INFINITE if own else 0
+            some |= flag
+    return MIXED if some & KEPT else EMPTY
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _split_block(scratch: U16, tolerance: int, largest: int, parity: int, splits: I64) -> None:
+    """The splits that a block by itself wants, from its scratch rows; see `split_blocks`."""
+    start = scratch.ctypes.data + 2 * _LEFT
+    codes, own = start + _PITCH_BYTES * _CODES, start + _PITCH_BYTES * _OWN
+    middles, centres = start + _PITCH_BYTES * _MIDDLES, start + _PITCH_BYTES * _CENTRES
+    splits[:SIDE] = 0
+    s = 1
+    while s < BLOCK:
+        down, across, forced = s * _PITCH_BYTES, 2 * s, -1 if s >= largest else 0
+        reach = s // 2 * 2
+        for y in range(0, SIDE, s):
+            along = (y // s) % 2 == 0  # sides that lie in the row
+            step = across if along else down
+            at = y * _PITCH_BYTES
+            children = centres + at - s // 2 * _PITCH_BYTES, centres + at + s // 2 * _PITCH_BYTES
+            if s == 1:
+                children = centres - 8 * _PITCH_BYTES, centres - 8 * _PITCH_BYTES
+            word = lanes.side_errors(
+                codes + at, codes + at - step, codes + at + step, own + at, children[0], children[1], reach,
+                tolerance, middles + at,
+            )  # fmt: skip
+            splits[y] |= (word | forced) & (ODD[s] if along else EVEN[s])
+        for y in range(s, SIDE, 2 * s):
+            at = y * _PITCH_BYTES
+            falling = ODD[2 * s] >> s  # squares in even columns
+            if (y // (2 * s) + (parity if 2 * s == BLOCK else 0)) % 2 == 1:
+                falling = ~falling
+            word = lanes.square_errors(
+                codes + at, down, across, falling, own + at, middles + at, ODD[s], tolerance, centres + at
+            )
+            splits[y] |= (word | forced) & ODD[s]
+        s *= 2
+
+
+@numba.njit(inline="always", cache=True)
+def _column(splits: I64, x: int) -> int:
+    """A column of a block's splits as a word; the block's corners are not meant."""
+    word = 0
+    for y in range(1, BLOCK):
+        word |= ((splits[y] >> x) & 1) << y
+    return word
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _note_columns(splits: I64, last: int) -> None:
+    """Set the last two words; `last` is the number of the last column."""
+    some = 0
+    for y in range(SIDE):
+        some |= splits[y]
+    splits[_FIRST], splits[_LAST] = (_column(splits, 0), _column(splits, last)) if some else (0, 0)
+
+
+@numba.njit(inline="always", cache=True)
+def _set_column(splits: I64, x: int, word: int) -> None:
+    while word != 0:
+        splits[lanes.lowest(word)] |= 1 << x
+        word &= word - 1
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def split_blocks(
+    codes: U16, flags: U8, tolerance: int, largest: int, wraps: bool, changed: U8, splits: I64, states: U8
+) -> None:
+    """Fill splits [rows, columns, WORDS] and states [rows, columns] of blocks with what each by itself wants.
+
+    tolerance: twice the largest distance of a code from its triangle, in codes, below 65535. largest: length of the
+    longest leg of a triangle; with 1 there are two triangles to each quad. Blocks that have not changed [rows, columns]
+    are left as they are.
+    """
+    w = codes.shape[1]
+    limit = w if wraps else w - 1  # largest x of a vertex
+    last = w - (splits.shape[1] - 1) * BLOCK if wraps else BLOCK
+    for row in numba.prange(splits.shape[0]):
+        i = int(np.int64(row))
+        scratch = np.zeros((_ROWS, _PITCH), np.uint16)
+        for j in range(splits.shape[1]):
+            if changed[i, j] == 0:
+                continue
+            states[i, j] = _load_block(codes, flags, j * BLOCK, i * BLOCK, limit, scratch)
+            if states[i, j] == EMPTY:
+                splits[i, j] = 0
+            elif largest == 1:
+                splits[i, j, :SIDE] = _COLUMNS
+                splits[i, j, _FIRST] = splits[i, j, _LAST] = _INNER
+            else:
+                _split_block(scratch, tolerance, largest, (i + j) % 2, splits[i, j])
+                _note_columns(splits[i, j], last if j == splits.shape[1] - 1 else BLOCK)
+
+
+@numba.njit(cache=True, parallel=True, nogil=True)
+def find_mixed(flags: U8, states: U8) -> None:
+    """states [rows, columns]: MIXED where a block may have pixels at depth edges, PLAIN where it has none; a small part
+    of the work of `split_blocks`."""
+    h, w = flags.shape
+    for row in numba.prange(states.shape[0]):
+        i = int(np.int64(row))
+        for j in range(states.shape[1]):
+            x0, y0, broken = j * BLOCK, i * BLOCK, 0
+            if x0 + BLOCK < w and y0 + BLOCK < h and (y0 + BLOCK) * w + x0 + lanes.LANES <= h * w:
+                for y in range(SIDE):
+                    broken |= lanes.bits_of(flags.ctypes.data + (y0 + y) * w + x0, BROKEN)
+                states[i, j] = MIXED if broken & _COLUMNS else PLAIN
+            else:
+                states[i, j] = MIXED
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _split_parents(splits: I64) -> None:
+    """Split the parents of what is split."""
+    s = 1
+    while s < BLOCK:
+        odd, far_odd, far_even = ODD[s], ODD[2 * s], EVEN[2 * s]
+        for y in range(s, BLOCK, 2 * s):
+            splits[y] |= (splits[y - s] | splits[y + s] | (splits[y] << s) | (splits[y] >> s)) & odd
+        if 2 * s == BLOCK:
+            return
+        for y in range(0, SIDE, 2 * s):
+            centres = splits[y - s] & odd if y > 0 else 0
+            centres |= splits[y + s] & odd if y < BLOCK else 0
+            splits[y] |= ((centres << s) | (centres >> s)) & (far_odd if y % (4 * s) == 0 else far_even)
+        s *= 2
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _join_row(splits: I64, i: int, seam: int) -> bool:
+    """Take over what the blocks beside those of a row have split on their common sides; whether that changed any."""
+    rows, columns = splits.shape[0], splits.shape[1]
+    changed = False
+    for j in range(columns):
+        block, last = splits[i, j], seam if seam > 0 and j == columns - 1 else BLOCK
+        before = j - 1 if j > 0 else (columns - 1 if seam > 0 else -1)
+        behind = j + 1 if j < columns - 1 else (0 if seam > 0 else -1)
+        top = splits[i - 1, j, BLOCK] & _INNER & ~block[0] if i > 0 else 0
+        bottom = splits[i + 1, j, 0] & _INNER & ~block[BLOCK] if i + 1 < rows else 0
+        left = splits[i, before, _LAST] & ~block[_FIRST] if before >= 0 else 0
+        right = splits[i, behind, _FIRST] & ~block[_LAST] if behind >= 0 else 0
+        if top | bottom | left | right:
+            block[0] |= top
+            block[BLOCK] |= bottom
+            _set_column(block, 0, left)
+            _set_column(block, last, right)
+            _split_parents(block)
+            _note_columns(block, last)
+            changed = True
+    return changed
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def join_blocks(splits: I64, seam: int) -> None:
+    """Split what neighbours have split, and parents of what is split, until nothing changes.
+
+    seam: the column of the last blocks that is the picture's first again; 0: it does not wrap. What comes out does not
+    depend on the order in which rows are visited: it is the smallest set that fits.
+    """
+    rows = splits.shape[0]
+    pending = True
+    while pending:
+        changed = np.zeros(rows, np.uint8)
+        for row in numba.prange(rows):
+            i = int(np.int64(row))
+            changed[i] = _join_row(splits, i, seam)
+        pending = bool(changed.any())

@@ -1,0 +1,1 @@
+"""Kernels of pictures: drawing triangles, shading, the backdrop, filling, outlines."""

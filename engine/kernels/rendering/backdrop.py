@@ -1,0 +1,127 @@
+"""Laying the backdrop behind the warped views, where the present does not contradict it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base.project import unproject_point
+from ..base.sight import looks_through
+from ..base.simd import LANES, any_of, load
+from ..base.tolerance import Slack, slack_at
+from .present import present_depth
+
+__all__ = ["lay_backdrop"]
+
+# Share of its depth by which a live surface must lie behind the backdrop's to be hidden by it, besides the slack:
+# creases of the coarser backdrop mesh bulge a little.
+_NEARER = 0.03
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
+U8 = npt.NDArray[np.uint8]
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _present(
+    table: F64, addresses: I64, order: I64, camera: F64, x: int, y: int, depth: float, limit: float
+) -> tuple[float, int]:
+    """Depth and view of the first view in `order` that has a surface on a pixel's ray, no farther than `limit`.
+
+    The first, not the nearest of all: it stands nearest to the eye, and the others would have to be asked as well.
+    """
+    for k in order:
+        found = present_depth(table[k], addresses[k, 0], camera, x, y, depth)
+        if found > 0.0 and found <= limit:
+            return found, k
+    return 0.0, -1
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _may_show(q: Any, live: Any, slack: Any) -> Any:
+    """Whether a backdrop's disparity q shows, as far as depths alone tell: 1 / q <= (1 - _NEARER) / live less the slack
+    at 1 / q where something was drawn. Of numbers or vectors; slack: of such."""
+    most = (1.0 - _NEARER) * q * q
+    return (q > 0.0) & (live * (q + slack[0] * q * q) <= most) & (live * (q + slack[1]) <= most)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _push_away(row: F32, push: Slack) -> None:
+    """Moves disparities of a row farther away."""
+    metres, disparity = np.float32(push[0]), np.float32(push[1])
+    for x in range(row.shape[0]):
+        q = row[x]
+        row[x] = q * q / (q + max(metres * q * q, disparity)) if q > np.float32(0.0) else np.float32(0.0)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _first_to_ask(backdrop: F32, disparity: F32, slack: Slack, x: int) -> int:
+    """The first pixel of a row, from x on, of sixteen pixels of which one may show the backdrop."""
+    last, around = disparity.shape[0] - LANES, (np.float32(slack[0]), np.float32(slack[1]))
+    while x <= last:
+        q, live = load(backdrop.ctypes.data, x), load(disparity.ctypes.data, x)
+        if any_of(_may_show(q, live, around)):
+            return x
+        x += LANES
+    return x
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _lay_pixel(
+    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: Slack, number: int,
+    disparity: F32, winner: U8, y: int, x: int,
+) -> None:  # fmt: skip
+    q, live = backdrop[y, x], disparity[y, x]
+    px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / q)
+    # What was drawn gives way to nothing that a view's outline leaves in doubt: a view's own picture stays.
+    ghost, texels = False, 4 if live <= 0.0 else 1
+    for k in range(table.shape[0]):
+        if looks_through(table[k], addresses[k, 0], px, py, pz, slack, texels):
+            ghost = True
+            break
+    if len(order) > 0:
+        around = slack_at(slack, 1.0 / q)
+        limit = np.inf if ghost and live <= 0.0 else 1.0 / q + around
+        depth, view = _present(table, addresses, order, camera, x, y, 1.0 / q, limit)
+        if live > 0.0:
+            ghost |= view < 0 or depth < 1.0 / q - around
+        elif view >= 0:
+            disparity[y, x] = 1.0 / depth
+            winner[y, x] = number + 1 + view
+            return
+    if not ghost:
+        disparity[y, x] = q
+        winner[y, x] = number
+
+
+@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def lay_backdrop(
+    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, push: Slack, slack: Slack, number: int,
+    disparity: F32, winner: U8,
+) -> None:  # fmt: skip
+    """Move the backdrop away by `push`, and take its disparity, as view `number`, where nothing was drawn or where it
+    is clearly nearer.
+
+    Not taken is what is a ghost of the past: a surface through which one of the table's (present) views looks, beside
+    whose outline even, if it would hide something.
+    `order` [n]: rows of the views that were not drawn, the most useful first. What stands before the background now,
+    they alone may know: where one has a surface on a hole's ray that is not behind the backdrop's (or anywhere on it,
+    if that is a ghost), the hole shows it, as view `number` + 1 + the view's row. And where there are such views, only
+    a backdrop that one of them confirms hides what was drawn.
+    """
+    h, w = disparity.shape
+    for row in numba.prange(h):
+        y = np.int64(row)
+        _push_away(backdrop[y], push)
+        x = _first_to_ask(backdrop[y], disparity[y], slack, 0)
+        while x < w:
+            for column in range(x, min(x + LANES, w)):
+                if _may_show(np.float64(backdrop[y, column]), np.float64(disparity[y, column]), slack):
+                    _lay_pixel(
+                        backdrop, camera, table, addresses, order, slack, number, disparity, winner, y, column
+                    )
+            x = _first_to_ask(backdrop[y], disparity[y], slack, x + LANES)

@@ -1,0 +1,162 @@
+"""Blocks of meshes: which of them a picture may show, and where their points lie in it."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base.project import PERSPECTIVE
+from ..base.simd import LANES, Truths, gather_floats, lane_numbers, store_byte_where, to_integers
+from .tiles import TILE
+
+__all__ = ["bound_blocks", "place_points", "place_points_serially", "visible_blocks"]
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
+U8 = npt.NDArray[np.uint8]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def bound_blocks(points: F32, starts: I64, spheres: F32) -> None:
+    """spheres [b, 4]: a sphere round each block's points, its radius negative where there are none."""
+    for b in range(spheres.shape[0]):
+        low, high = np.full(3, np.float32(np.inf)), np.full(3, np.float32(-np.inf))
+        for i in range(starts[b, 0], starts[b + 1, 0]):
+            for axis in range(3):
+                low[axis] = min(low[axis], points[i, axis])
+                high[axis] = max(high[axis], points[i, axis])
+        if low[0] > high[0]:
+            spheres[b, 0], spheres[b, 1], spheres[b, 2], spheres[b, 3] = 0.0, 0.0, 0.0, -1.0
+            continue
+        radius2 = 0.0
+        for axis in range(3):
+            spheres[b, axis] = 0.5 * (low[axis] + high[axis])
+            radius2 += (0.5 * (float(high[axis]) - float(low[axis]))) ** 2
+        spheres[b, 3] = math.sqrt(radius2) * (1.0 + 1e-5)
+
+
+@numba.njit(inline="always", cache=True, error_model="numpy")
+def _sphere_touches_hole(camera: F64, tiles: U8, x: float, y: float, z: float, r: float) -> bool:
+    """Whether the box round a sphere's picture touches a marked tile; the sphere lies before the eye."""
+    width, height = int(camera[1]), int(camera[2])
+    u_low, u_high, v_low, v_high = math.inf, -math.inf, math.inf, -math.inf
+    for k in range(4):
+        inverse = 1.0 / (x - r if k & 1 else x + r)
+        side = -r if k & 2 else r
+        u, v = camera[5] - camera[3] * (y + side) * inverse, camera[6] - camera[4] * (z + side) * inverse
+        u_low, u_high = min(u_low, u), max(u_high, u)
+        v_low, v_high = min(v_low, v), max(v_high, v)
+    if u_high < 0.0 or v_high < 0.0 or u_low > width or v_low > height:
+        return False
+    i0, i1 = int(max(u_low - 1.0, 0.0)) // TILE, int(min(u_high + 1.0, width - 1.0)) // TILE
+    j0, j1 = int(max(v_low - 1.0, 0.0)) // TILE, int(min(v_high + 1.0, height - 1.0)) // TILE
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            if tiles[j, i]:
+                return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def visible_blocks(spheres: F32, camera: F64, near: float, tiles: U8, visible: I64) -> int:
+    """List the blocks that a perspective picture may show (all, for another one); returns their number.
+
+    Unless `tiles` is empty, only those that touch a marked tile.
+    """
+    count = 0
+    perspective = camera[0] == PERSPECTIVE
+    fx, fy, cx, cy = camera[3], camera[4], camera[5], camera[6]
+    for b in range(spheres.shape[0]):
+        r = float(spheres[b, 3])
+        if r < 0.0:
+            continue
+        if perspective:
+            dx, dy, dz = spheres[b, 0] - camera[16], spheres[b, 1] - camera[17], spheres[b, 2] - camera[18]
+            x = camera[7] * dx + camera[10] * dy + camera[13] * dz
+            y = camera[8] * dx + camera[11] * dy + camera[14] * dz
+            z = camera[9] * dx + camera[12] * dy + camera[15] * dz
+            if x + r < near:
+                continue
+            # Distances to the planes u = 0, u = w, v = 0, v = h, positive inside.
+            left = (cx * x - fx * y) / math.hypot(cx, fx)
+            right = ((camera[1] - cx) * x + fx * y) / math.hypot(camera[1] - cx, fx)
+            top = (cy * x - fy * z) / math.hypot(cy, fy)
+            bottom = ((camera[2] - cy) * x + fy * z) / math.hypot(camera[2] - cy, fy)
+            if min(min(left, right), min(top, bottom)) < -r:
+                continue
+            if tiles.size > 0 and x - r > near and not _sphere_touches_hole(camera, tiles, x, y, z, r):
+                continue
+        visible[count] = b
+        count += 1
+    return count
+
+
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _transform(points: F32, first: int, last: int, camera: F64, screen: F32) -> None:
+    """Points first to before last -> screen, see `place_points`."""
+    perspective = camera[0] == PERSPECTIVE
+    for i in range(first, last):
+        dx, dy, dz = points[i, 0] - camera[16], points[i, 1] - camera[17], points[i, 2] - camera[18]
+        x = camera[7] * dx + camera[10] * dy + camera[13] * dz
+        y = camera[8] * dx + camera[11] * dy + camera[14] * dz
+        z = camera[9] * dx + camera[12] * dy + camera[15] * dz
+        if perspective:
+            # On the eye's plane itself nothing is projected: a hair beside it clipping finds the way back.
+            x = x if abs(x) > 1e-20 else 1e-20
+            inverse = 1.0 / x
+            screen[i, 0] = camera[5] - camera[3] * y * inverse
+            screen[i, 1] = camera[6] - camera[4] * z * inverse
+            screen[i, 2] = inverse
+            screen[i, 3] = x
+        else:
+            screen[i, 0], screen[i, 1], screen[i, 2], screen[i, 3] = x, y, z, 0.0
+
+
+@numba.njit(forceinline=True, cache=True, error_model="numpy")
+def _is_nearer(screen: int, i: int, among: Truths, disparity: int, width: int, height: int, margin: float) -> Truths:
+    """Of sixteen points from i on: see `place_points`."""
+    at = (to_integers(lane_numbers()) << 2) + 4 * i
+    u, v = gather_floats(screen, at, among), gather_floats(screen, at + 1, among)
+    inside = among & (u >= 0.0) & (v >= 0.0) & (u < np.float32(width)) & (v < np.float32(height))
+    pixel = to_integers(v) * width + to_integers(u)
+    drawn = gather_floats(disparity, pixel, inside)
+    return ~inside | (drawn <= 0.0) | (gather_floats(screen, at + 2, among) > drawn + np.float32(margin))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mark_nearer(screen: F32, first: int, last: int, disparity: F32, margin: float, nearer: U8) -> None:
+    """Points first to before last: see `place_points`."""
+    h, w = disparity.shape
+    for i in range(first, last, LANES):
+        among = lane_numbers() < np.float32(last - i)
+        found = _is_nearer(screen.ctypes.data, i, among, disparity.ctypes.data, w, h, margin)
+        store_byte_where(nearer.ctypes.data, i, 1, among & found)
+        store_byte_where(nearer.ctypes.data, i, 0, among & ~found)
+
+
+def _place_points(
+    points: F32, starts: I64, visible: I64, camera: F64, disparity: F32, margin: float, screen: F32, nearer: U8
+) -> None:
+    """Points of visible blocks -> screen [n, 4]: u, v, disparity, and the depth along the view axis.
+
+    The depth's sign tells what is behind. For an equirectangular target screen holds the direction in camera axes
+    instead (x, y, z, unused). Unless `disparity` is empty, nearer [n] is 1 for points that lie before what is drawn to
+    their pixel by `margin`, or outside the picture: by point and not by triangle, as a point belongs to six of them and
+    what it waits for is memory.
+    """
+    for k in numba.prange(visible.shape[0]):
+        first, last = starts[visible[k], 0], starts[visible[k] + 1, 0]
+        _transform(points, first, last, camera, screen)
+        if disparity.size > 0:
+            _mark_nearer(screen, first, last, disparity, margin, nearer)
+
+
+# One thread is quicker where there is little to draw.
+place_points = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_place_points)
+place_points_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_place_points)

@@ -1,0 +1,120 @@
+"""Triangle rasteriser: meshes into a disparity z-buffer (3D warping, paper section 3.4.2).
+
+The target holds disparity (1 / depth as the target camera measures depth, 0 where nothing was drawn) and the
+number of the view that won. Meshes are drawn in the order of their views' worth: a later one wins a pixel only
+where it is nearer by more than a margin, so that views of one surface do not fight for it.
+
+The screen is cut into bands of rows. Triangles are sorted into bands (`sorting`, `spherical`), and the bands are drawn
+in parallel, each by one thread.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base.simd import LANES
+from .sorting import winding
+from .strips import CLIPPED, SET_UP_SIZE, draw_triangle, row_count, set_up
+
+__all__ = ["draw_bands", "draw_bands_serially"]
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+U8 = npt.NDArray[np.uint8]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _clip(screen: F32, corners: I32, camera: F64, near: float, polygon: F32) -> int:
+    """Clip a triangle at the plane `near` in front of the eye; returns how many corners of polygon [4, 4], as `screen`
+    has points, are left. Triangles with a side in common get the same corners there."""
+    n = 0
+    for k in range(3):
+        i, j = corners[k], corners[(k + 1) % 3]
+        if screen[i, 3] >= near:
+            polygon[n] = screen[i]
+            n += 1
+        if (screen[i, 3] >= near) != (screen[j, 3] >= near):
+            front, back = (i, j) if screen[i, 3] >= near else (j, i)
+            xf, xb = float(screen[front, 3]), float(screen[back, 3])
+            t = (near - xf) / (xb - xf)
+            # Places times depths are affine in space, and so between the corners.
+            uf, vf = (screen[front, 0] - camera[5]) * xf, (screen[front, 1] - camera[6]) * xf
+            ub, vb = (screen[back, 0] - camera[5]) * xb, (screen[back, 1] - camera[6]) * xb
+            polygon[n, 0] = camera[5] + (uf + t * (ub - uf)) / near
+            polygon[n, 1] = camera[6] + (vf + t * (vb - vf)) / near
+            polygon[n, 2], polygon[n, 3] = 1.0 / near, near
+            n += 1
+    return n
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _draw_clipped(
+    screen: F32, triangle: I32, camera: F64, near: float, first: int, last: int,
+    view: int, margin: float, disparity: F32, winner: U8,
+) -> None:  # fmt: skip
+    """Draw the one or two triangles that are left of one that crosses the plane of the eye."""
+    polygon, ready = np.empty((4, 4), np.float32), np.empty(SET_UP_SIZE, np.float32)
+    fan, both = np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.array([0, 1], np.int32)
+    h, w = disparity.shape
+    count = max(_clip(screen, triangle, camera, near, polygon) - 2, 0)
+    set_up(
+        polygon.ctypes.data, fan.ctypes.data, both.ctypes.data, count, winding(camera), np.float32(0.0), first, last,
+        w, h, ready.ctypes.data,
+    )  # fmt: skip
+    for lane in range(count):
+        draw_triangle(ready.ctypes.data, lane, disparity.ctypes.data, winner.ctypes.data, w, margin, view)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _draw_listed(
+    screen: F32, triangles: I32, listed: I32, count: int, camera: F64, near: float, first: int, last: int,
+    view: int, margin: float, disparity: F32, winner: U8, ready: F32,
+) -> None:  # fmt: skip
+    """Draw the first `count` listed triangles into rows first to last; ready [SET_UP_SIZE] is room."""
+    h, w = disparity.shape
+    second, at = winding(camera), listed.ctypes.data
+    near_, margin_ = np.float32(near), np.float32(margin)
+    for k in range(0, count, LANES):
+        n = min(LANES, count - k)
+        set_up(
+            screen.ctypes.data, triangles.ctypes.data, at + 4 * k, n, second, near_, first, last, w, h,
+            ready.ctypes.data,
+        )  # fmt: skip
+        for lane in range(n):
+            if row_count(ready.ctypes.data, lane) == CLIPPED:
+                triangle = triangles[listed[k + lane]]
+                _draw_clipped(
+                    screen, triangle, camera, near, first, last, view, margin_, disparity, winner
+                )
+            else:
+                draw_triangle(
+                    ready.ctypes.data, lane, disparity.ctypes.data, winner.ctypes.data, w, margin_, view
+                )
+
+
+def _draw_bands(
+    screen: F32, triangles: I32, camera: F64, near: float, band_rows: int, counts: I64, lists: I32, view: int,
+    margin: float, disparity: F32, winner: U8,
+) -> None:  # fmt: skip
+    """Draw sorted triangles; `margin` is the disparity by which a drawn surface must be beaten."""
+    bands, height = counts.shape[1], disparity.shape[0]
+    for task in numba.prange(bands):
+        # Neighbouring tasks go to one thread: deal the bands out so that each gets some of every region.
+        half = (bands + 1) // 2
+        band = 2 * task if task < half else 2 * (task - half) + 1
+        first, last = band * band_rows, min((band + 1) * band_rows, height) - 1
+        ready = np.empty(SET_UP_SIZE, np.float32)
+        for chunk in range(counts.shape[0]):
+            _draw_listed(
+                screen, triangles, lists[chunk, band], counts[chunk, band], camera, near, first, last,
+                view, margin, disparity, winner, ready,
+            )  # fmt: skip
+
+
+# One thread is quicker where there is little to draw.
+draw_bands = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_draw_bands)
+draw_bands_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_draw_bands)

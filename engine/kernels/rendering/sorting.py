@@ -1,0 +1,147 @@
+"""Triangles of a perspective picture sorted into bands of rows, sixteen looked at at once."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from ..base.simd import (
+    LANES,
+    Floats,
+    Integers,
+    Truths,
+    any_of,
+    gather_bytes,
+    lane_numbers,
+    maximum,
+    minimum,
+    select,
+    spread,
+    store_packed,
+    to_integers,
+)
+from .strips import Corners, corners, extent, on_screen
+from .tiles import HOLE, SILHOUETTE, TILE
+
+__all__ = ["sort_into_bands", "sort_into_bands_serially", "winding"]
+
+# A triangle no larger than this hides nothing between its corners that they do not tell of.
+_SMALL_PX = 3.0
+_TILE_BITS = TILE.bit_length() - 1
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+U8 = npt.NDArray[np.uint8]
+Box = tuple[Floats, Floats, Floats, Floats]  # left, right, top, bottom
+
+
+@numba.njit(inline="always", cache=True)
+def winding(camera: F64) -> int:
+    """`second` of `strips.corners` for a perspective target: a mirrored picture winds the other way."""
+    return 2 if camera[3] * camera[4] < 0.0 else 1
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _touch(tiles: int, columns: int, rows: int, box: Box, marks: Integers, among: Truths) -> Truths:
+    """Whether boxes touch a tile with one of some marks; tiles are uint8 [rows, columns] and three bytes more."""
+    left = to_integers(maximum(box[0] - 1.0, 0.0)) >> _TILE_BITS
+    right = minimum(to_integers(maximum(box[1] + 1.0, 0.0)) >> _TILE_BITS, columns - 1)
+    bottom = minimum(to_integers(maximum(box[3], 0.0)) >> _TILE_BITS, rows - 1)
+    i, j, found = left, to_integers(maximum(box[2], 0.0)) >> _TILE_BITS, among & ~among
+    walks = among & (i <= right) & (j <= bottom)
+    while any_of(walks):
+        found |= walks & ((gather_bytes(tiles, j * columns + i, walks) & marks) != 0)
+        i += 1
+        ends = i > right
+        i, j = select(ends, left, i), select(ends, j + 1, j)
+        walks &= ~found & (j <= bottom)
+    return found
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _may_win(
+    points: Corners, nearer: int, tiles: int, columns: int, rows: int, box: Box, among: Truths
+) -> Truths:
+    """Whether triangles may win a pixel: by a corner, beside a hole or, unless they are small, beside a silhouette."""
+    marked = gather_bytes(nearer, points[0], among) | gather_bytes(nearer, points[1], among)
+    marked |= gather_bytes(nearer, points[2], among)
+    found = among & ((marked & 1) != 0)
+    small = maximum(box[1] - box[0], box[3] - box[2]) <= np.float32(_SMALL_PX)
+    marks = select(small, (points[0] & 0) + HOLE, HOLE | SILHOUETTE)
+    return found | _touch(tiles, columns, rows, box, marks, among & ~found)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _look_at(
+    screen: int, triangles: int, number: Integers, among: Truths, second: int, width: int, height: int, near: float,
+    tiles: U8, open_tiles: U8, nearer: U8,
+) -> tuple[Truths, Floats, Floats]:  # fmt: skip
+    """Of sixteen triangles: whether they are to be drawn, and the first and last row that they may touch."""
+    points = corners(triangles, number, second, among)
+    xa, xb, xc = on_screen(screen, points, 3, among)
+    before = among & (minimum(xa, minimum(xb, xc)) >= np.float32(near))
+    crosses = among & ~before & (maximum(xa, maximum(xb, xc)) >= np.float32(near))  # clipped when drawn
+    ua, ub, uc = on_screen(screen, points, 0, among)
+    va, vb, vc = on_screen(screen, points, 1, among)
+    (first_column, last_column), (first, last) = extent(ua, ub, uc, width), extent(va, vb, vc, height)
+    shows = before & ((ub - ua) * (vc - va) - (uc - ua) * (vb - va) < 0.0)
+    shows &= (first_column <= last_column) & (first <= last)
+    if any_of(shows):
+        low, high = minimum(va, minimum(vb, vc)), maximum(va, maximum(vb, vc))
+        limits = (minimum(ua, minimum(ub, uc)), maximum(ua, maximum(ub, uc)), low, high)
+        if tiles.size > 0:
+            box, marks = (limits[0], limits[1], first, last), (number & 0) + 255
+            shows = _touch(tiles.ctypes.data, tiles.shape[1], tiles.shape[0], box, marks, shows)
+        if open_tiles.size > 0:
+            shows = _may_win(
+                points, nearer.ctypes.data, open_tiles.ctypes.data, open_tiles.shape[1], open_tiles.shape[0], limits,
+                shows,
+            )  # fmt: skip
+    return shows | crosses, select(crosses, spread(0.0), first), select(crosses, spread(height - 1), last)
+
+
+def _sort_into_bands(
+    screen: F32, triangles: I32, starts: I64, visible: I64, shares: I64, camera: F64, near: float, band_rows: int,
+    tiles: U8, open_tiles: U8, nearer: U8, counts: I64, lists: I32, drawn: I64,
+) -> None:  # fmt: skip
+    """Sort visible blocks' triangles into bands; counts [chunks, bands], lists [chunks, bands, capacity].
+
+    Chunk c takes the visible blocks shares[c] to shares[c + 1] - 1 and counts its triangles in drawn[c].
+
+    Culled are triangles outside the picture or between pixels, behind the eye or seen from behind, those that touch no
+    marked tile unless `tiles` is empty, and, unless `open_tiles` (`tiles.mark_open_tiles`) is, those that cannot win a
+    pixel; `nearer` is what `blocks.place_points` gives. Behind the last tile and the last point three bytes more can be
+    read. A triangle over several bands stands in each.
+    """
+    chunks, bands = counts.shape[0], counts.shape[1]
+    width, height, second = int(camera[1]), int(camera[2]), winding(camera)
+    for chunk in numba.prange(chunks):
+        drawn[chunk] = 0
+        for band in range(bands):
+            counts[chunk, band] = 0
+        found = np.empty((3, LANES), np.int32)
+        for k in range(shares[chunk], shares[chunk + 1]):
+            block = visible[k]
+            for t in range(starts[block, 1], starts[block + 1, 1], LANES):
+                among = lane_numbers() < np.float32(starts[block + 1, 1] - t)
+                number = to_integers(lane_numbers()) + t
+                shows, first, last = _look_at(
+                    screen.ctypes.data, triangles.ctypes.data, number, among, second, width, height, near,
+                    tiles, open_tiles, nearer,
+                )  # fmt: skip
+                n = store_packed(found.ctypes.data, number, shows)
+                store_packed(found.ctypes.data + 4 * LANES, to_integers(first), shows)
+                store_packed(found.ctypes.data + 8 * LANES, to_integers(last), shows)
+                drawn[chunk] += n
+                for i in range(n):
+                    for band in range(found[1, i] // band_rows, found[2, i] // band_rows + 1):
+                        lists[chunk, band, counts[chunk, band]] = found[0, i]
+                        counts[chunk, band] += 1
+
+
+# One thread is quicker where there is little to draw.
+sort_into_bands = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_sort_into_bands)
+sort_into_bands_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_sort_into_bands)

@@ -1,0 +1,214 @@
+"""Triangles drawn in strips sixteen pixels wide, a row at a time in vector registers.
+
+A pixel is inside a triangle where three functions of its place, the sides, are not negative; they and the disparity
+are sums of multiples of a pixel's column and row. No branch depends on the triangle's shape: a small one costs little
+more than its rows. Strips begin at every sixteenth column and are written whole: what the next triangle reads there is
+then at hand, which it is not while a write of a part is under way.
+
+What drawing needs of triangles is computed for sixteen at once (`set_up`). Sums in float32 are wrong by 1e-4 pixels
+where a triangle is as large as the picture, and less in smaller ones.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from ..base.simd import (
+    LANES,
+    Floats,
+    Integers,
+    Truths,
+    gather_floats,
+    gather_integers,
+    lane_numbers,
+    load,
+    load_float,
+    load_where,
+    maximum,
+    minimum,
+    round_down,
+    round_up,
+    select,
+    spread,
+    store,
+    store_byte_where,
+    store_larger,
+    store_where,
+    to_integers,
+)
+
+__all__ = [
+    "CLIPPED",
+    "SET_UP_SIZE",
+    "SIDE_PX",
+    "Corners",
+    "corners",
+    "draw_triangle",
+    "extent",
+    "on_screen",
+    "row_count",
+    "set_up",
+]
+
+# Pixels by which a triangle's sides are moved outwards: rounding opens no cracks between neighbours.
+SIDE_PX = 1e-3
+CLIPPED = -1  # instead of a number of rows: the triangle crosses the plane of the eye
+# Of a triangle: its first pixel and how many columns and rows from there; the sides, each at that pixel and its change
+# a column and a row; the same of disparity, and its least and its largest.
+_COLUMN, _ROW, _COLUMNS, _ROWS, _SIDES, _PLANE, _FIELDS = 0, 1, 2, 3, 4, 13, 18
+SET_UP_SIZE = _FIELDS * LANES
+
+Corners = tuple[Integers, Integers, Integers]
+
+
+@numba.njit(forceinline=True, cache=True)
+def corners(triangles: int, number: Integers, second: int, among: Truths) -> Corners:
+    """Points of triangles of these numbers; int32 [n, 3] at that address. `second` is 2 where they wind the other way,
+    1 otherwise."""
+    at = number * 3
+    b, c = gather_integers(triangles, at + second, among), gather_integers(triangles, at + (3 - second), among)
+    return gather_integers(triangles, at, among), b, c
+
+
+@numba.njit(forceinline=True, cache=True)
+def on_screen(screen: int, points: Corners, field: int, among: Truths) -> tuple[Floats, Floats, Floats]:
+    """One of the four fields of triangles' points; screen float32 [n, 4] at that address."""
+    a, b, c = (points[0] << 2) + field, (points[1] << 2) + field, (points[2] << 2) + field
+    return gather_floats(screen, a, among), gather_floats(screen, b, among), gather_floats(screen, c, among)
+
+
+@numba.njit(forceinline=True, cache=True, error_model="numpy")
+def extent(a: Floats, b: Floats, c: Floats, size: int) -> tuple[Floats, Floats]:
+    """The first and the last pixel whose centre triangles may cover, along an axis of `size` pixels."""
+    low, high = minimum(a, minimum(b, c)), maximum(a, maximum(b, c))
+    first = round_up(maximum(low, -1.0) - np.float32(0.5 + SIDE_PX))
+    last = round_down(minimum(high, np.float32(size + 1)) - np.float32(0.5 - SIDE_PX))
+    return maximum(first, 0.0), minimum(last, np.float32(size - 1))
+
+
+@numba.njit(forceinline=True, cache=True)
+def _put(out: int, field: int, values: Floats) -> None:
+    store(out, field * LANES, values)
+
+
+@numba.njit(forceinline=True, cache=True)
+def _absolute(x: Floats) -> Floats:
+    return maximum(x, -x)
+
+
+@numba.njit(forceinline=True, cache=True, error_model="numpy")
+def _put_side(out: int, side: int, rise: Floats, run: Floats, across: Floats, down: Floats) -> None:
+    """A side from a point that lies so far before the first pixel: rise * across - run * down, 0 or more inside."""
+    slack = np.float32(SIDE_PX) * (_absolute(rise) + _absolute(run))
+    _put(out, _SIDES + 3 * side, rise * across - run * down + slack)
+    _put(out, _SIDES + 3 * side + 1, rise)
+    _put(out, _SIDES + 3 * side + 2, -run)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def set_up(
+    screen: int, triangles: int, listed: int, count: int, second: int, near: float, first: int, last: int,
+    width: int, height: int, out: int,
+) -> None:  # fmt: skip
+    """Prepare up to sixteen triangles, the first `count` of the numbers (int32) at `listed`, for `draw_triangle`.
+
+    Addresses: screen [n, 4] as `blocks.place_points` has it; triangles int32 [m, 3], see `corners`; out float32
+    [SET_UP_SIZE]. Only rows first to last of a picture of so many columns and rows are drawn.
+    """
+    among = lane_numbers() < np.float32(count)
+    points = corners(triangles, gather_integers(listed, to_integers(lane_numbers()), among), second, among)
+    ua, ub, uc = on_screen(screen, points, 0, among)
+    va, vb, vc = on_screen(screen, points, 1, among)
+    qa, qb, qc = on_screen(screen, points, 2, among)
+    xa, xb, xc = on_screen(screen, points, 3, among)
+    behind = minimum(xa, minimum(xb, xc)) < np.float32(near)
+    rise_a, rise_b, rise_c = vb - va, vc - vb, va - vc
+    run_a, run_b, run_c = ub - ua, uc - ub, ua - uc
+    area = run_c * rise_a - run_a * rise_c  # twice it; below 0 as the eye sees it
+    left, right = extent(ua, ub, uc, width)
+    top, bottom = extent(va, vb, vc, height)
+    top, bottom = maximum(top, np.float32(first)), minimum(bottom, np.float32(last))
+    rows = select(area < 0.0, bottom - top + 1.0, 0.0)
+    _put(out, _COLUMN, left)
+    _put(out, _ROW, top)
+    _put(out, _COLUMNS, right - left + 1.0)
+    _put(out, _ROWS, select(behind, spread(CLIPPED), rows))
+    u, v = left + 0.5, top + 0.5
+    _put_side(out, 0, rise_a, run_a, u - ua, v - va)
+    _put_side(out, 1, rise_b, run_b, u - ub, v - vb)
+    _put_side(out, 2, rise_c, run_c, u - uc, v - vc)
+    inverse = -1.0 / area
+    q_du = ((qb - qa) * rise_c + (qc - qa) * rise_a) * inverse
+    q_dv = -((qb - qa) * run_c + (qc - qa) * run_a) * inverse
+    _put(out, _PLANE + 1, q_du)
+    _put(out, _PLANE + 2, q_dv)
+    _put(out, _PLANE + 3, minimum(qa, minimum(qb, qc)))
+    _put(out, _PLANE + 4, maximum(qa, maximum(qb, qc)))
+    # From the farthest corner on: a difference of large disparities would lose most of its digits.
+    farther = qb < qa
+    ua, va, qa = select(farther, ub, ua), select(farther, vb, va), select(farther, qb, qa)
+    farther = qc < qa
+    ua, va, qa = select(farther, uc, ua), select(farther, vc, va), select(farther, qc, qa)
+    _put(out, _PLANE, qa + q_du * (u - ua) + q_dv * (v - va))
+
+
+@numba.njit(forceinline=True, cache=True)
+def _get(ready: int, lane: int, field: int) -> float:
+    return load_float(ready, field * LANES + lane)
+
+
+@numba.njit(forceinline=True, cache=True)
+def row_count(ready: int, lane: int) -> int:
+    """Rows of one of the triangles that `set_up` prepared; CLIPPED where it crosses the plane of the eye."""
+    return int(_get(ready, lane, _ROWS))
+
+
+@numba.njit(forceinline=True, cache=True, error_model="numpy")
+def _draw_strip(
+    disparity: int, winner: int, width: int, column: Floats, within: Truths, whole: bool, rows: int, ready: int,
+    lane: int, margin: float, view: int,
+) -> None:  # fmt: skip
+    """Draw rows of a strip from the addresses of its first pixel on, at these columns of the triangle where it is
+    `within` them; only a strip that is `whole` has sixteen."""
+    first_a = _get(ready, lane, _SIDES + 1) * column + _get(ready, lane, _SIDES)
+    first_b = _get(ready, lane, _SIDES + 4) * column + _get(ready, lane, _SIDES + 3)
+    first_c = _get(ready, lane, _SIDES + 7) * column + _get(ready, lane, _SIDES + 6)
+    first_q = _get(ready, lane, _PLANE + 1) * column + _get(ready, lane, _PLANE)
+    down_a, down_b = spread(_get(ready, lane, _SIDES + 2)), spread(_get(ready, lane, _SIDES + 5))
+    down_c, down_q = spread(_get(ready, lane, _SIDES + 8)), spread(_get(ready, lane, _PLANE + 2))
+    least, most = spread(_get(ready, lane, _PLANE + 3)), spread(_get(ready, lane, _PLANE + 4))
+    y, at = spread(0.0), 0  # a vector: a number would be spread again for each product
+    for _ in range(rows):
+        q = minimum(maximum(down_q * y + first_q, least), most)
+        inside = within & (down_a * y + first_a >= 0.0) & (down_b * y + first_b >= 0.0) & (down_c * y + first_c >= 0.0)
+        before = load(disparity, at) if whole else load_where(disparity, at, inside)
+        wins = inside & (q > select(before > 0.0, before + margin, 0.0))
+        if whole:
+            store_larger(disparity, at, before, select(wins, q, 0.0))
+        else:
+            store_where(disparity, at, q, wins)
+        store_byte_where(winner, at, view, wins)
+        y += 1.0
+        at += width
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def draw_triangle(
+    ready: int, lane: int, disparity: int, winner: int, width: int, margin: float, view: int
+) -> None:
+    """Draw one of the triangles that `set_up` prepared into a picture `width` columns wide.
+
+    disparity, winner: addresses of C-contiguous [h, w] arrays: of disparity (float32, 0 where nothing was drawn) and of
+    the number of the view that won (uint8). What was drawn must be beaten by `margin`.
+    """
+    x0, y, rows = int(_get(ready, lane, _COLUMN)), int(_get(ready, lane, _ROW)), row_count(ready, lane)
+    columns = _get(ready, lane, _COLUMNS)
+    for x in range(x0 & ~(LANES - 1), x0 + int(columns), LANES):
+        column = lane_numbers() + np.float32(x - x0)
+        within = (column >= 0.0) & (column < np.float32(columns))
+        at = y * width + x
+        _draw_strip(
+            disparity + 4 * at, winner + at, width, column, within, x + LANES <= width, rows, ready, lane,
+            margin, view,
+        )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Kernels that ray-trace the twins."""

@@ -1,0 +1,43 @@
+"""The back buffer: collects the views of the frame that is arriving."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..rig.frame import Frame, View
+
+__all__ = ["BackBuffer", "OrderError"]
+
+
+class OrderError(ValueError):
+    """A view came out of order: names field, value and expectation."""
+
+    def __init__(self, field: str, value: object, expected: str) -> None:
+        self.field, self.value, self.expected = field, value, expected
+        super().__init__(f"{field}: {value}: expected {expected}")
+
+
+class BackBuffer:
+    """One source's frames, one after the other: within a frame views come in any order, each once."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._frame = -1
+        self._views: dict[str, View] = {}
+
+    def add(self, frame: int, view: View) -> Frame | None:
+        """Take a view; gives the complete frame, views in the cameras' order. Raises OrderError."""
+        missing = [name for name in self._names if name not in self._views]
+        if self._views and frame != self._frame:
+            raise OrderError("frame", frame, f"{self._frame}, which still lacks {', '.join(missing)}")
+        if not self._views and frame <= self._frame:
+            raise OrderError("frame", frame, f"more than {self._frame}")
+        name = view.camera.name
+        if name not in missing:
+            raise OrderError("camera", name, f"one of {', '.join(missing)} in frame {frame}")
+        self._frame = frame
+        self._views[name] = view
+        if len(self._views) < len(self._names):
+            return None
+        views, self._views = self._views, {}
+        return Frame(frame, tuple(views[name] for name in self._names))

@@ -1,0 +1,283 @@
+"""A core in a process of its own: nothing that it computes keeps the interpreter from who owns it."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import weakref
+from collections import deque
+from collections.abc import Callable, Mapping
+from itertools import count
+from multiprocessing.connection import Connection
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+
+from ..rig.camera import Camera
+from ..rig.frame import Frame, Lent, View
+from ..rig.viewer import StereoView
+from .frame_memory import lay_out, open_memory
+from .interpreter import SETTLES_AFTER, SWITCH_S, set_aside
+from .newest import Newest
+
+__all__ = ["Apart", "CoreLostError"]
+
+_START = "from farside.engine.live.core_process import serve; serve()"
+_END_S = 10.0  # then a process that was told to end is killed
+_PACKET = 1 << 16  # bytes; settings are less
+
+
+class CoreLostError(RuntimeError):
+    """The core's process has ended."""
+
+
+class _Answer(NamedTuple):
+    result: Any
+    error: Exception | None
+    released: list[int]  # frames that nobody there reads any more
+
+
+class _Question(NamedTuple):
+    """Where do the viewers look now?"""
+
+
+class Apart:
+    """A core in a process of its own, used as the core is (`engine.Core`); and `run` does other work beside it.
+
+    Every thread that calls has a thread over there that works for it. Frames go there as the name of the memory that
+    they lie in, where they have one (`Frame.lent`), and stay reserved until nobody there reads them. What `make` and
+    work are is pickled. Raises CoreLostError where the process has ended; what the core raises is raised here.
+    """
+
+    def __init__(self, make: Callable[..., Any], *arguments: Any, f_vin: float = 30.0) -> None:
+        self.f_vin = f_vin
+        self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _START, str(theirs.fileno())],
+                stdin=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno()],
+                process_group=0,  # Ctrl-C is for who owns it
+            )
+        self._lines = threading.local()
+        self._frames: dict[int, Frame] = {}  # that are read over there
+        self._numbers = count()
+        self._end = weakref.finalize(self, _end_later, self._control, self._process)
+        self._end.atexit = False  # the end of this process is told by the system
+        try:
+            self._ask(_make, make, *arguments)
+        except BaseException:
+            self.close()
+            raise
+
+    def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
+        """What `work(core, *arguments)` gives over there."""
+        return self._ask(_run, work, *arguments)
+
+    def update(self, frame: Frame, viewers: Mapping[str, StereoView], speeds: Mapping[str, float]) -> Any:
+        """Take a frame; where `viewers` look is asked for when it is wanted."""
+        number = next(self._numbers)
+        self._frames[number] = frame
+        cameras = tuple(view.camera for view in frame.views)
+        what = (frame.index, cameras, frame.lent) if frame.lent is not None else frame
+        try:
+            return self._ask(_update, number, what, dict(speeds), self.f_vin, viewers=viewers)
+        finally:
+            if frame.lent is None:  # they have a copy
+                del self._frames[number]
+
+    def render(self, view: StereoView, viewer: str | None = None) -> Any:
+        """Render the newest frame; pictures are large: `run` can bring back less."""
+        return self.run(_render, view, viewer)
+
+    def retune(self, settings: Any) -> None:
+        """Render from the next picture on with other settings; waits for nothing."""
+        try:
+            self._control.send(pickle.dumps(settings))
+        except OSError as error:
+            raise self._lost() from error
+
+    def mesh(self) -> Any:
+        """The background model."""
+        return self.run(_mesh)
+
+    def status(self) -> dict[str, Any]:
+        """The core's own figures, and its process."""
+        figures: dict[str, Any] = self.run(_status)
+        return figures
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid
+
+    def close(self) -> None:
+        """End the process; no call may be under way. Also happens when nobody has the core any more."""
+        if self._end.detach():
+            _end(self._control, self._process)
+        self._lines = threading.local()
+
+    def _ask(self, *work: Any, viewers: Mapping[str, StereoView] | None = None) -> Any:
+        message = pickle.dumps(work, protocol=5)
+        try:
+            line = self._line()
+            line.send_bytes(message)
+            while isinstance(answer := pickle.loads(line.recv_bytes()), _Question):
+                line.send_bytes(pickle.dumps(dict(viewers.items()) if viewers else {}))
+        except (EOFError, OSError) as error:
+            raise self._lost() from error
+        for number in answer.released:
+            self._frames.pop(number, None)
+        if answer.error is not None:
+            raise answer.error
+        return answer.result
+
+    def _line(self) -> Connection:
+        """The calling thread's."""
+        if not hasattr(self._lines, "own"):
+            ours, theirs = socket.socketpair()
+            self._lines.own = Connection(ours.detach())
+            with theirs:
+                socket.send_fds(self._control, [b"line"], [theirs.fileno()])
+        line: Connection = self._lines.own
+        return line
+
+    def _lost(self) -> CoreLostError:
+        try:
+            code = self._process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            return CoreLostError("the engine's process does not answer")
+        how = f"by {signal.Signals(-code).name}" if code < 0 else f"with {code}"
+        return CoreLostError(f"the engine's process ended {how}")
+
+
+def _end(control: socket.socket, process: subprocess.Popen[bytes]) -> None:
+    control.close()
+    try:
+        process.wait(_END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _end_later(control: socket.socket, process: subprocess.Popen[bytes]) -> None:
+    threading.Thread(target=_end, args=(control, process), name="farside-end").start()  # it frees gigabytes
+
+
+# In the process of the core
+
+
+class _There:
+    """What the threads of the core's process have in common."""
+
+    def __init__(self) -> None:
+        self.core: Any = None
+        self.updates = 0
+        self.released: deque[int] = deque()
+        self._maps: dict[Lent, Any] = {}
+
+    def frame(self, number: int, index: int, cameras: tuple[Camera, ...], lent: Lent) -> Frame:
+        """A frame in lent memory; told as released when its planes are gone."""
+        if lent not in self._maps:
+            # What another name lent is not lent again.
+            self._maps = {known: memory for known, memory in self._maps.items() if known.name == lent.name}
+            try:
+                self._maps[lent] = open_memory(*lent, cameras)
+            except OSError:
+                self.released.append(number)
+                raise
+        memory = np.frombuffer(self._maps[lent], np.uint8)
+        weakref.finalize(memory, self.released.append, number).atexit = False
+        planes = lay_out(memory, cameras)
+        return Frame(index, tuple(View(camera, *planes[camera.name]) for camera in cameras))
+
+    def take_released(self) -> list[int]:
+        """Frames that are not read any more, each told once."""
+        return [self.released.popleft() for _ in range(len(self.released))]
+
+
+def _make(there: _There, line: Connection, make: Callable[..., Any], *arguments: Any) -> None:
+    there.core = make(*arguments)
+
+
+def _run(there: _There, line: Connection, work: Callable[..., Any], *arguments: Any) -> Any:
+    return work(there.core, *arguments)
+
+
+def _update(
+    there: _There, line: Connection, number: int, what: Any, speeds: Mapping[str, float], f_vin: float
+) -> Any:
+    def look() -> dict[str, StereoView]:
+        line.send_bytes(pickle.dumps(_Question()))
+        views: dict[str, StereoView] = pickle.loads(line.recv_bytes())
+        return views
+
+    there.core.f_vin = f_vin
+    frame = what if isinstance(what, Frame) else there.frame(number, *what)
+    report = there.core.update(frame, Newest(look), speeds)
+    there.updates += 1
+    if there.updates in SETTLES_AFTER:
+        set_aside()
+    return report
+
+
+def _render(core: Any, view: StereoView, viewer: str | None) -> Any:
+    return core.render(view, viewer)
+
+
+def _mesh(core: Any) -> Any:
+    return core.mesh()
+
+
+def _status(core: Any) -> dict[str, Any]:
+    figures: dict[str, Any] = core.status()
+    return figures | {"pid": os.getpid()}
+
+
+def serve() -> NoReturn:
+    """What the core's process does; the first argument is the number of its control socket."""
+    sys.setswitchinterval(SWITCH_S)
+    control, there = socket.socket(fileno=int(sys.argv[1])), _There()
+    while True:
+        packet, files, _, _ = socket.recv_fds(control, _PACKET, 1)
+        if files:
+            threading.Thread(target=_work, args=(there, Connection(files[0])), daemon=True).start()
+        elif packet:
+            there.core.retune(pickle.loads(packet))
+        else:
+            os._exit(0)  # whatever is under way: nobody waits for it any more
+
+
+def _work(there: _There, line: Connection) -> None:
+    """Work for one thread, until it ends."""
+    while True:
+        try:
+            message = line.recv_bytes()
+        except (EOFError, OSError):
+            return
+        line.send_bytes(_answer(there, line, message))
+        del message
+
+
+def _answer(there: _There, line: Connection, message: bytes) -> bytes:
+    try:
+        work, *arguments = pickle.loads(message)
+        result = work(there, line, *arguments)
+        del arguments
+        return pickle.dumps(_Answer(result, None, there.take_released()), protocol=5)
+    except Exception as error:  # a boundary: it is raised where the work was asked for
+        return pickle.dumps(_Answer(None, _portable(error), there.take_released()))
+
+
+def _portable(error: Exception) -> Exception:
+    """The error, or what it says where it cannot be sent."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # whatever its class does
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error

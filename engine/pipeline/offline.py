@@ -1,0 +1,198 @@
+"""Offline rendering: a sequence played through the engine as the live service would, pictures to files."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from ..io.tmiv import Sequence as TmivSequence
+from ..io.tmiv import depth_path, playback_index, texture_path
+from ..io.yuv import PixelFormat, from_texture
+from ..rig.camera import Camera
+from ..rig.texture import to_rgb, write_png
+from ..rig.viewer import RenderedPicture, StereoView
+from ..settings import Settings
+from .engine import BackEndReport, Engine, Viewer
+
+__all__ = ["RenderJob", "Renderer", "Targets", "summary"]
+
+STAGES = ("ingest", "triangulate", "background", "pbi", "warp", "fill", "total")
+# Stages of a picture as the engine measures them, by the stage that they are reported under.
+_PICTURE_STAGES = dict.fromkeys(("select", "warp", "backdrop", "shade", "antialias"), "warp") | {"fill": "fill"}
+
+Targets = Callable[[int], dict[str, Viewer]]  # output frame -> viewers by name
+
+
+@dataclass(frozen=True, slots=True)
+class RenderJob:
+    """What to render: output frames [start, stop), the source views, and whether earlier frames are seen first.
+
+    With `history`, input frames before the first are played too, so that the background model knows at frame n
+    what it would know in a live run.
+    """
+
+    sequence: TmivSequence
+    sources: tuple[str, ...]
+    targets: Targets
+    start: int
+    stop: int
+    history: bool = True
+
+
+class Renderer:
+    """Plays a job's frames in order and yields each output frame's pictures with a row of the report."""
+
+    def __init__(self, job: RenderJob, settings: Settings) -> None:
+        self.job, self.settings = job, settings
+        cameras = [job.sequence.camera(name, 0) for name in job.sources]
+        self.engine = Engine(cameras, settings, f_vin=job.sequence.fps)
+        self._count = job.sequence.frame_count
+        self._shown: int | None = None
+
+    def frames(self) -> Iterator[tuple[int, dict[str, RenderedPicture], dict[str, Any]]]:
+        """(output frame, pictures by name, report row) for every output frame."""
+        job = self.job
+        if job.history and self.settings.background:
+            for index in range(min(job.start, self._count)):
+                self.engine.update(job.sequence.frame(index, job.sources))
+        for index in range(job.start, job.stop):
+            viewers = job.targets(index)
+            back_end, ingest = self._update(playback_index(index, self._count), viewers)
+            pictures: dict[str, RenderedPicture] = {}
+            for name, viewer in viewers.items():
+                pictures |= self._render(name, viewer)
+            yield index, pictures, self._row(index, back_end, ingest, pictures)
+
+    def _update(self, index: int, viewers: dict[str, Viewer]) -> tuple[BackEndReport, float]:
+        start = time.perf_counter()
+        frame = self.job.sequence.frame(index, self.job.sources)
+        ingest = 1e3 * (time.perf_counter() - start)
+        return self.engine.update(frame, viewers), ingest
+
+    def _render(self, name: str, viewer: Viewer) -> dict[str, RenderedPicture]:
+        if isinstance(viewer, Camera):
+            return {name: self.engine.render_camera(viewer, name)}
+        pair = self.engine.render(viewer, name)
+        return {f"{name}_left": pair.left, f"{name}_right": pair.right}
+
+    def _row(
+        self, index: int, back_end: BackEndReport, ingest: float, pictures: dict[str, RenderedPicture]
+    ) -> dict[str, Any]:
+        stages = dict.fromkeys(STAGES, 0.0) | back_end.stages
+        stages["ingest"] = ingest + stages.pop("exposure")
+        for picture in pictures.values():
+            for name, milliseconds in picture.report.stages.items():
+                stages[_PICTURE_STAGES[name]] += milliseconds
+        stages["total"] = sum(stages[name] for name in STAGES[:-1])
+        cameras = {name: _holes(picture) for name, picture in pictures.items()}
+        background = self.engine.status()["background"]
+        return {
+            "frame": index,
+            "stages": stages,
+            "hole_fraction": {
+                key: float(np.mean([holes[key] for holes in cameras.values()])) for key in _HOLES
+            },
+            "cameras": cameras,
+            "views": {name: list(picture.report.views) for name, picture in pictures.items()},
+            "triangles": {
+                "s_pbs": background.get("s_pbs_valid", 0),
+                "p_pbs": background.get("p_pbs", 0),
+                "warped": sum(picture.report.warped for picture in pictures.values()),
+            },
+        }
+
+
+_HOLES = ("before_backdrop", "after_backdrop", "after_filling")
+
+
+def _holes(picture: RenderedPicture) -> dict[str, float]:
+    report = picture.report
+    return dict(zip(_HOLES, (report.holes_warped, report.holes_backdrop, report.holes_filled), strict=True))
+
+
+def summary(rows: Sequence[dict[str, Any]], settings: Settings) -> dict[str, Any]:
+    """The report of a run: the settings, every frame's row, and median and 95th percentile over the frames."""
+
+    def spread(group: str, key: str) -> dict[str, float]:
+        values = [row[group][key] for row in rows]
+        return {"median": float(np.median(values)), "p95": float(np.percentile(values, 95))}
+
+    groups = {"stages": STAGES, "hole_fraction": _HOLES, "triangles": ("s_pbs", "p_pbs", "warped")}
+    return {
+        "settings": dataclasses.asdict(settings),
+        "frames": list(rows),
+        "summary": {
+            group: {key: spread(group, key) for key in keys} for group, keys in groups.items() if rows
+        },
+    }
+
+
+class PictureWriter:
+    """Appends pictures to `{name}_texture_...yuv` and `{name}_depth_...yuv`, as a context manager."""
+
+    def __init__(self, folder: Path, *, png: bool = False, masks: bool = False) -> None:
+        self.folder, self.png, self.masks = folder, png, masks
+        self._files: dict[Path, BinaryIO] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def __enter__(self) -> PictureWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for file in self._files.values():
+            file.close()
+
+    def write(self, name: str, frame: int, picture: RenderedPicture) -> None:
+        """Append one picture; PNG and mask files carry the frame's number."""
+        camera = dataclasses.replace(picture.camera, name=name)
+        texture, codes = picture.texture, picture.codes()
+        planes = [from_texture(plane, 10) for plane in (texture.y, texture.cb, texture.cr)]
+        self._append(texture_path(self.folder, camera), planes)
+        half = ((camera.height + 1) // 2, (camera.width + 1) // 2)
+        bits = camera.depth.bits
+        neutral = np.full(half, 1 << (bits - 1), PixelFormat(_depth_format(bits)).dtype)
+        self._append(
+            depth_path(self.folder, camera, _depth_format(bits)),
+            [codes.astype(neutral.dtype), neutral, neutral],
+        )
+        if self.png:
+            write_png(self.folder / f"{name}_{frame:04d}.png", texture)
+        if self.masks:
+            self._write_mask(self.folder / f"{name}_{frame:04d}_mask.ppm", picture)
+
+    def _append(self, path: Path, planes: Sequence[npt.NDArray[Any]]) -> None:
+        if path not in self._files:
+            self._files[path] = path.open("wb")
+        for plane in planes:
+            self._files[path].write(np.ascontiguousarray(plane).data)
+
+    def _write_mask(self, path: Path, picture: RenderedPicture) -> None:
+        """The picture with holes in light blue and what the backdrop filled tinted green."""
+        rgb = to_rgb(picture.texture)
+        backdrop = picture.holes(warped=True) & ~picture.holes()
+        rgb[backdrop] = rgb[backdrop] // 2 + np.array([0, 100, 0], np.uint8)
+        rgb[picture.holes()] = (128, 200, 255)
+        with path.open("wb") as file:
+            file.write(b"P6\n%d %d\n255\n" % (rgb.shape[1], rgb.shape[0]))
+            file.write(rgb.tobytes())
+
+
+def _depth_format(bits: int) -> str:
+    return "yuv420p" if bits == 8 else f"yuv420p{bits}le"
+
+
+def stereo_target(view: StereoView, poses: Sequence[Any], name: str) -> Targets:
+    """Targets that move a head along a pose trace."""
+    return lambda index: {name: view.moved(poses[index])}
+
+
+def camera_target(camera: Camera, poses: Sequence[Any], name: str) -> Targets:
+    """Targets that move one camera along a pose trace."""
+    return lambda index: {name: dataclasses.replace(camera, name=name, pose=poses[index])}

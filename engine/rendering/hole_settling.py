@@ -1,0 +1,73 @@
+"""What fills a hole stays while the head is still: noisy depth moves a hole's rim a little in every frame, and what is
+continued from there would crawl."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..geometry.prepared_view import pixels_per_radian
+from ..rig.camera import Camera
+
+__all__ = ["Settler"]
+
+_STAYS = 0.85  # of a pixel's last colour, each picture
+_CHANGE = 64.0  # codes by which a colour may differ from the last one and still count as the same: else it is news
+_SHIFT_PX = 0.5  # how far what is seen may have moved for the head to count as still
+_VIEWERS = 32  # whose holes are kept; those not seen for longest are forgotten
+
+F32 = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class _Holes:
+    """A picture's hole pixels: their places int64 [n] in ascending order and their colours float32 [n, 3]."""
+
+    camera: Camera
+    places: npt.NDArray[np.int64]
+    colours: F32
+
+
+class Settler:
+    """Remembers the filled holes of each viewer's last picture. Different viewers may come from different threads."""
+
+    def __init__(self) -> None:
+        self._last: OrderedDict[str, _Holes] = OrderedDict()
+
+    def settle(
+        self, viewer: str, camera: Camera, near: float, holes: npt.NDArray[np.int32], planes: tuple[F32, F32, F32]
+    ) -> None:
+        """Draw a filled picture's holes towards their colours in the viewer's last picture, in place.
+
+        holes [n, 2]: their rows and columns in reading order; planes [h, w]; near: distance of near things in metres,
+        which tells how far the picture moves with the head. Nothing changes where the head has moved, or where a colour
+        is news.
+        """
+        places = holes[:, 0].astype(np.int64) * camera.width + holes[:, 1]
+        flat = [plane.reshape(-1) for plane in planes]
+        colours = np.stack([plane[places] for plane in flat], axis=1)
+        last = self._last.pop(viewer, None)
+        if last is not None and len(last.places) and len(places) and _is_still(last.camera, camera, near):
+            at = np.minimum(np.searchsorted(last.places, places), len(last.places) - 1)
+            before = last.colours[at]
+            same = (last.places[at] == places) & (np.abs(before - colours).max(axis=1) < _CHANGE)
+            colours[same] += _STAYS * (before[same] - colours[same])
+            for plane, values in zip(flat, colours.T, strict=True):
+                plane[places] = values
+        self._last[viewer] = _Holes(camera, places, colours)
+        while len(self._last) > _VIEWERS:
+            self._last.popitem(last=False)
+
+
+def _is_still(last: Camera, camera: Camera, near: float) -> bool:
+    """Whether two pictures show things at the same places, up to half a pixel."""
+    if last.projection != camera.projection:
+        return False
+    moved = math.dist(last.pose.position, camera.pose.position) / near
+    cosine = abs(float(np.dot(last.pose.orientation, camera.pose.orientation)))
+    turned = 2.0 * math.acos(min(1.0, cosine))
+    return (moved + turned) * pixels_per_radian(camera) < _SHIFT_PX

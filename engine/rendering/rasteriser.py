@@ -1,0 +1,100 @@
+"""Drawing meshes into a virtual camera's disparity: which kernels with which room."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..geometry.mesh import Mesh
+from ..kernels.base.simd import BEYOND
+from ..kernels.rendering import blocks, rasterise, sorting, spherical
+from .target import Target
+from .tiles import EVERYWHERE, Tiles
+
+__all__ = ["Rasteriser"]
+
+_NOTHING = np.empty((0, 0), np.float32)
+_BANDS = 16
+_CHUNKS = 4
+_FEW = 20000  # points and triangles below which threads cost more than they bring
+
+
+class _Kernels(NamedTuple):
+    place: Callable[..., None]
+    sort: Callable[..., None]
+    draw: Callable[..., None]
+
+
+_PARALLEL = _Kernels(blocks.place_points, sorting.sort_into_bands, rasterise.draw_bands)
+_SERIAL = _Kernels(
+    blocks.place_points_serially, sorting.sort_into_bands_serially, rasterise.draw_bands_serially
+)
+
+
+class Rasteriser:
+    """Draws into pictures of a height, with room kept from mesh to mesh. Not for two threads at once."""
+
+    def __init__(self, height: int) -> None:
+        self._band_rows = max(1, math.ceil(height / _BANDS))
+        self._counts = np.empty((_CHUNKS, math.ceil(height / self._band_rows)), np.int64)
+        self._lists = np.empty(0, np.int32)
+        self._screen = np.empty(0, np.float32)
+        self._nearer = np.empty(0, np.uint8)
+
+    def draw(
+        self, mesh: Mesh, target: Target, number: int, near: float, margin: float,
+        disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8], tiles: Tiles,
+        open_tiles: Tiles = EVERYWHERE,
+    ) -> int:  # fmt: skip
+        """Draw a mesh as view `number` where it is nearer by `margin` (1/m).
+
+        disparity, winner [h, w]. `tiles`, `open_tiles`: from `tiles.new_tiles`, where triangles are drawn and where a
+        later view's may win (`kernels.rendering.sorting`), or EVERYWHERE. Returns the number of triangles drawn.
+        """
+        camera, starts = target.packed, mesh.starts
+        visible = np.empty(len(starts) - 1, np.int64)
+        visible = visible[: blocks.visible_blocks(mesh.spheres, camera, near, tiles, visible)]
+        if len(visible) == 0:
+            return 0
+        kernels = _SERIAL if (starts[visible + 1] - starts[visible]).sum() < _FEW else _PARALLEL
+        screen = self._room("_screen", len(mesh.points) * 4).reshape(-1, 4)
+        nearer = self._room("_nearer", len(mesh.points) + BEYOND)
+        kernels.place(
+            mesh.points, starts, visible, camera, disparity if open_tiles.size else _NOTHING, margin, screen, nearer
+        )
+        # Chunks of blocks with about as many triangles each.
+        sums = np.concatenate([[0], np.cumsum(starts[visible + 1, 1] - starts[visible, 1])])
+        shares = np.searchsorted(sums, np.linspace(0, sums[-1], _CHUNKS + 1))
+        shares[0], shares[-1] = 0, len(visible)
+        drawn = np.empty(_CHUNKS, np.int64)
+        most = int(np.diff(sums[shares]).max())
+        lists = self._room("_lists", self._counts.size * most).reshape(*self._counts.shape, most)
+        if len(target.columns):
+            spherical.sort_into_bands(
+                screen, mesh.triangles, starts, visible, shares, camera, self._band_rows, self._counts, lists, drawn
+            )
+            spherical.draw_bands(
+                screen, mesh.triangles, camera, target.columns, target.rows, self._band_rows, self._counts, lists,
+                number, margin, disparity, winner,
+            )  # fmt: skip
+            return int(drawn.sum())
+        kernels.sort(
+            screen, mesh.triangles, starts, visible, shares, camera, near, self._band_rows, tiles, open_tiles,
+            nearer, self._counts, lists, drawn,
+        )  # fmt: skip
+        kernels.draw(
+            screen, mesh.triangles, camera, near, self._band_rows, self._counts, lists, number, margin,
+            disparity, winner,
+        )  # fmt: skip
+        return int(drawn.sum())
+
+    def _room(self, name: str, size: int) -> npt.NDArray[Any]:
+        """A kept buffer of at least `size` elements, cut to that size."""
+        if size > len(getattr(self, name)):
+            setattr(self, name, np.empty(size + size // 4, getattr(self, name).dtype))
+        room: npt.NDArray[Any] = getattr(self, name)[:size]
+        return room

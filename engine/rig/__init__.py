@@ -1,0 +1,1 @@
+"""Cameras, depth codings, frames, the viewer's eyes, and which cameras serve a picture."""

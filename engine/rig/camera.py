@@ -1,0 +1,278 @@
+"""Cameras: projections, 6DoF poses and the packed form that kernels read.
+
+Axes are OMAF's, for the world and for cameras alike: x forward, y left, z up. Image coordinates are u right
+and v down, the corner of the picture is (0, 0) and pixel centres are at +0.5. A perspective camera's depth is
+the x coordinate (z-depth in the usual naming), an equirectangular camera's depth is the ray length (range).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..kernels.base.project import CAMERA_SIZE, EQUIRECTANGULAR, PERSPECTIVE
+from .depth import DepthCoding
+
+__all__ = ["Camera", "Equirectangular", "Perspective", "Pose", "Projection"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Perspective:
+    """Pinhole projection; lengths in pixels. Negative focal lengths turn the picture by 180 degrees,
+    one alone mirrors it.
+
+    u = cx - fx y / x and v = cy - fy z / x; the principal point may lie outside the picture.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def __post_init__(self) -> None:
+        _check_size(self.width, self.height)
+        for name in ("fx", "fy", "cx", "cy"):
+            value = getattr(self, name)
+            if not math.isfinite(value) or (name[0] == "f" and value == 0.0):
+                raise ValueError(f"{name}: {value!r}: expected a finite{' non-zero' * (name[0] == 'f')} number")
+
+    @classmethod
+    def from_tangents(
+        cls, width: int, height: int, left: float, right: float, top: float, bottom: float
+    ) -> Perspective:
+        """Projection from the tangents of a headset's half angles, all positive outwards (asymmetric frusta)."""
+        if not (left + right > 0 and top + bottom > 0):
+            raise ValueError(f"tangents: {(left, right, top, bottom)!r}: expected an opening frustum")
+        fx, fy = width / (left + right), height / (top + bottom)
+        return cls(width, height, fx, fy, fx * left, fy * top)
+
+    @classmethod
+    def from_fov(cls, width: int, height: int, horizontal_rad: float) -> Perspective:
+        """Symmetric projection with square pixels from the horizontal field of view, in radians."""
+        if not 0 < horizontal_rad < math.pi:
+            raise ValueError(f"field of view: {math.degrees(horizontal_rad)!r} degrees: expected 0 < fov < 180")
+        focal = 0.5 * width / math.tan(0.5 * horizontal_rad)
+        return cls(width, height, focal, focal, 0.5 * width, 0.5 * height)
+
+    def scaled(self, scale: float) -> Perspective:
+        """The same picture at another resolution (sizes rounded to even numbers)."""
+        width, height = _even(self.width * scale), _even(self.height * scale)
+        sx, sy = width / self.width, height / self.height
+        return Perspective(width, height, self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy)
+
+    def directions(self, uv: npt.ArrayLike) -> FloatArray:  # [..., 2] -> [..., 3]
+        """Camera-frame directions with x = 1: multiplied by the z-depth they give the point."""
+        uv = np.asarray(uv, np.float64)
+        y, z = (self.cx - uv[..., 0]) / self.fx, (self.cy - uv[..., 1]) / self.fy
+        return np.stack([np.ones_like(y), y, z], axis=-1)
+
+    def project(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:  # [..., 3] -> [..., 2], [...]
+        """Pixel coordinates and z-depth of camera-frame points; nan where the depth is not positive."""
+        points = np.asarray(points, np.float64)
+        x = np.where(points[..., 0] > 0, points[..., 0], np.nan)
+        uv = np.stack(
+            [self.cx - self.fx * points[..., 1] / x, self.cy - self.fy * points[..., 2] / x], axis=-1
+        )
+        return uv, points[..., 0]
+
+
+@dataclass(frozen=True, slots=True)
+class Equirectangular:
+    """Equirectangular projection, partial or full; ranges in radians, [min, max] of azimuth and elevation.
+
+    u = width (phi_max - phi) / (phi_max - phi_min), v likewise from the elevation: the left edge is phi_max.
+    """
+
+    width: int
+    height: int
+    hor_range: tuple[float, float]
+    ver_range: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        _check_size(self.width, self.height)
+        for name, (low, high), limit in (
+            ("hor_range", self.hor_range, 2 * math.pi),
+            ("ver_range", self.ver_range, math.pi),
+        ):
+            if not (low < high <= low + limit + 1e-9):
+                raise ValueError(
+                    f"{name}: {(math.degrees(low), math.degrees(high))!r} degrees: "
+                    f"expected min < max, spanning at most {math.degrees(limit):g}"
+                )
+
+    @property
+    def wraps(self) -> bool:
+        """Whether the picture closes on itself: columns 0 and width - 1 are neighbours."""
+        return self.hor_range[1] - self.hor_range[0] > 2 * math.pi - 1e-6
+
+    def scaled(self, scale: float) -> Equirectangular:
+        """The same picture at another resolution (sizes rounded to even numbers)."""
+        return dataclasses.replace(self, width=_even(self.width * scale), height=_even(self.height * scale))
+
+    def directions(self, uv: npt.ArrayLike) -> FloatArray:  # [..., 2] -> [..., 3]
+        """Camera-frame unit directions: multiplied by the range they give the point."""
+        uv = np.asarray(uv, np.float64)
+        phi = self.hor_range[1] - uv[..., 0] * (self.hor_range[1] - self.hor_range[0]) / self.width
+        theta = self.ver_range[1] - uv[..., 1] * (self.ver_range[1] - self.ver_range[0]) / self.height
+        return np.stack(
+            [np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), np.sin(theta)], axis=-1
+        )
+
+    def project(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:  # [..., 3] -> [..., 2], [...]
+        """Pixel coordinates and range of camera-frame points, the azimuth wrapped about the picture's middle."""
+        points = np.asarray(points, np.float64)
+        middle = 0.5 * (self.hor_range[0] + self.hor_range[1])
+        phi = np.arctan2(points[..., 1], points[..., 0])
+        phi = middle + np.mod(phi - middle + math.pi, 2 * math.pi) - math.pi
+        theta = np.arctan2(points[..., 2], np.hypot(points[..., 0], points[..., 1]))
+        u = self.width * (self.hor_range[1] - phi) / (self.hor_range[1] - self.hor_range[0])
+        v = self.height * (self.ver_range[1] - theta) / (self.ver_range[1] - self.ver_range[0])
+        return np.stack([u, v], axis=-1), np.linalg.norm(points, axis=-1)
+
+
+Projection = Perspective | Equirectangular
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A 6DoF pose: position in metres and orientation as a unit quaternion (w, x, y, z), world from camera."""
+
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if len(self.position) != 3 or not all(map(math.isfinite, self.position)):
+            raise ValueError(f"position: {self.position!r}: expected three finite numbers")
+        norm = math.sqrt(sum(c * c for c in self.orientation)) if len(self.orientation) == 4 else math.nan
+        if not abs(norm - 1.0) < 1e-3:
+            raise ValueError(f"orientation: {self.orientation!r}: expected a unit quaternion (w, x, y, z)")
+        object.__setattr__(self, "orientation", tuple(c / norm for c in self.orientation))
+
+    @classmethod
+    def from_euler(cls, position: Any, yaw: float, pitch: float, roll: float) -> Pose:
+        """Pose from angles in radians: R = Rz(yaw) Ry(pitch) Rx(roll); a positive pitch looks down."""
+        cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+        cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+        cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+        quaternion = (
+            cy * cp * cr + sy * sp * sr,
+            cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr,
+            sy * cp * cr - cy * sp * sr,
+        )
+        x, y, z = (float(c) for c in position)
+        return cls((x, y, z), quaternion)
+
+    @classmethod
+    def from_matrix(cls, world_from_camera: npt.ArrayLike) -> Pose:
+        """Pose from a rigid [3, 4] or [4, 4] matrix; raises ValueError where its 3x3 part is no rotation."""
+        m = np.asarray(world_from_camera, np.float64)
+        r = m[:3, :3]
+        if not np.allclose(r @ r.T, np.eye(3), atol=1e-3) or np.linalg.det(r) < 0:
+            raise ValueError("world_from_camera: expected a rotation in its 3x3 part")
+        # Shepperd's method: the largest of the four squared components is the stable divisor.
+        squares = np.array([1 + np.trace(r), *(1 + 2 * np.diag(r) - np.trace(r))])
+        k = int(np.argmax(squares))
+        skew = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+        q = np.empty(4)
+        if k == 0:
+            q[0], q[1:] = squares[0], skew
+        else:
+            i = k - 1
+            q[0] = skew[i]
+            q[1:] = r[i, :] + r[:, i]
+            q[k] = squares[k]
+        q /= np.linalg.norm(q)
+        x, y, z = (float(c) for c in m[:3, 3])
+        return cls((x, y, z), (float(q[0]), float(q[1]), float(q[2]), float(q[3])))
+
+    def rotation(self) -> FloatArray:  # [3, 3]
+        """The rotation matrix, world from camera."""
+        w, x, y, z = self.orientation
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+
+    def translated(self, offset_in_camera: npt.ArrayLike) -> Pose:
+        """The pose moved by an offset given in its own axes, metres."""
+        p = np.asarray(self.position) + self.rotation() @ np.asarray(offset_in_camera, np.float64)
+        return dataclasses.replace(self, position=(float(p[0]), float(p[1]), float(p[2])))
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A named camera: projection, pose and how its depth and texture are coded."""
+
+    name: str
+    projection: Projection
+    pose: Pose
+    depth: DepthCoding
+    texture_bits: int = 10
+
+    @property
+    def width(self) -> int:
+        """Picture width, pixels."""
+        return self.projection.width
+
+    @property
+    def height(self) -> int:
+        """Picture height, pixels."""
+        return self.projection.height
+
+    def project(self, points_in_world: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """[..., 3] world points, metres -> [..., 2] pixels and [...] depth (z-depth or range, as the projection)."""
+        local = (np.asarray(points_in_world, np.float64) - self.pose.position) @ self.pose.rotation()
+        return self.projection.project(local)
+
+    def unproject(self, uv: npt.ArrayLike, depth: npt.ArrayLike) -> FloatArray:
+        """[..., 2] pixels and [...] depth in metres -> [..., 3] world points."""
+        local = self.projection.directions(uv) * np.asarray(depth, np.float64)[..., None]
+        return local @ self.pose.rotation().T + self.pose.position
+
+    @property
+    def wraps(self) -> bool:
+        """Whether its picture's columns begin again where they end."""
+        return isinstance(self.projection, Equirectangular) and self.projection.wraps
+
+    def packed(self, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:  # [CAMERA_SIZE]
+        """The camera as kernels read it (layout: `kernels.base.project`), positions relative to `origin`, metres."""
+        out = np.zeros(CAMERA_SIZE)
+        p = self.projection
+        out[1], out[2] = p.width, p.height
+        if isinstance(p, Perspective):
+            out[0] = PERSPECTIVE
+            out[3:7] = p.fx, p.fy, p.cx, p.cy
+        else:
+            out[0] = EQUIRECTANGULAR
+            out[3:7] = (
+                p.hor_range[1],
+                (p.hor_range[1] - p.hor_range[0]) / p.width,
+                p.ver_range[1],
+                (p.ver_range[1] - p.ver_range[0]) / p.height,
+            )
+            out[19] = p.wraps
+        out[7:16] = self.pose.rotation().ravel()
+        out[16:19] = np.asarray(self.pose.position, np.float64) - np.asarray(origin, np.float64)
+        return out
+
+
+def _check_size(width: int, height: int) -> None:
+    if width < 1 or height < 1:
+        raise ValueError(f"resolution: {(width, height)!r}: expected positive width and height")
+
+
+def _even(size: float) -> int:
+    return max(2, 2 * round(size / 2))

@@ -1,0 +1,135 @@
+"""Choice of the views that render a picture (paper section 3.1: n_render views by direction and overlap)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from ..kernels.base.project import PERSPECTIVE
+from .camera import Camera
+
+__all__ = ["likely_views", "select_views", "view_shares"]
+
+_GRID, _COARSE = 8, 2  # sample rays across and down a picture, to choose by and for a first cut
+# Where cameras see less than this share of the samples, others are taken from what they see, this many about.
+_FEW, _MOST = 0.25, 512
+_ANGLE = 0.1  # radians between two cameras' rays to a point at which a view has lost half its worth
+_NEAREST = 0.005  # radians below which a view does not come nearer
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: Sequence[float]) -> list[int]:
+    """Indices of at most `count` cameras for rendering `target`, the most useful first.
+
+    Sample points are put on the target's rays at the given scene depths (metres); where cameras see few of them, from
+    far away or in a very wide picture, on the cameras' own. A camera is worth more to a point that it sees from a
+    direction near the target's; cameras are taken greedily so that every point is seen well, and then by a second
+    camera: what one view hides another shows. Cameras that see no sample are left out.
+    """
+    worth = _worth(target, cameras, depths)
+    chosen: list[int] = []
+    best, second = np.zeros(worth.shape[1]), np.zeros(worth.shape[1])
+    while len(chosen) < min(count, len(cameras)):
+        gain = np.maximum(worth - best, 0) + 0.5 * np.maximum(np.minimum(worth, best) - second, 0)
+        total = gain.sum(axis=1) + 1e-3 * worth.sum(axis=1)
+        total[chosen] = -1.0
+        k = int(np.argmax(total))
+        if total[k] <= 0.0:
+            break
+        chosen.append(k)
+        second = np.maximum(second, np.minimum(best, worth[k]))
+        best = np.maximum(best, worth[k])
+    return chosen
+
+
+def likely_views(target: Camera, packed: FloatArray, count: int, depths: Sequence[float]) -> list[int]:
+    """Indices of `count` of many cameras (packed [n, CAMERA_SIZE]) that `select_views` may choose for `target`.
+
+    A first cut, by what the cameras are worth to a few points on the target's rays and, where that says nothing, by
+    how near they are. In order of their indices: among equals the first is chosen.
+    """
+    inside, angle = _looks(target, packed, _on_rays(target, depths, _COARSE))
+    away = np.linalg.norm(packed[:, 16:19] - target.pose.position, axis=1)
+    order = np.lexsort((away, -_worth_at(inside, angle).sum(axis=1)))
+    return sorted(order[:count].tolist())
+
+
+def view_shares(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> FloatArray:  # [cameras]
+    """The cameras' shares of `target`'s picture, in sum 1, if all were blended by nearness in direction.
+
+    They change smoothly with the target, whichever views are chosen. Where no camera sees anything they are equal.
+    """
+    inside, angle = _seen(target, tuple(cameras), tuple(depths))
+    weight = inside / (angle * angle + _NEAREST * _NEAREST)
+    total = weight.sum(axis=0)
+    if not total.any():
+        return np.full(len(cameras), 1.0 / len(cameras))
+    shares: FloatArray = (weight[:, total > 0] / total[total > 0]).mean(axis=1)
+    return shares
+
+
+def _worth(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> FloatArray:
+    """Worth [cameras, samples] of cameras to points on the target's rays: 0 outside a camera's picture."""
+    return _worth_at(*_seen(target, tuple(cameras), tuple(depths)))
+
+
+def _worth_at(inside: npt.NDArray[np.bool_], angle: FloatArray) -> FloatArray:
+    worth: FloatArray = inside / (1.0 + (angle / _ANGLE) ** 2)
+    return worth
+
+
+@lru_cache(maxsize=8)  # choice and shares of a picture ask for the same
+def _seen(
+    target: Camera, cameras: tuple[Camera, ...], depths: tuple[float, ...]
+) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+    """Which cameras see points on the target's rays, and the angle between both rays, radians [cameras, samples]."""
+    points, packed = _on_rays(target, depths), _packed(cameras)
+    inside = _inside(packed, points - packed[:, None, 16:19])
+    if inside.any(axis=0).mean() < _FEW:
+        points = np.concatenate([_on_rays(camera, depths) for camera in cameras])
+        points = points[_inside(target.packed()[None], (points - target.pose.position)[None])[0]]
+        points = points[:: max(1, len(points) // _MOST)]
+    return _looks(target, packed, points)
+
+
+def _looks(target: Camera, packed: FloatArray, points: FloatArray) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+    """Which packed cameras see points [samples, 3], and the angle between their and the target's rays, radians."""
+    to_points, from_target = points - packed[:, None, 16:19], points - np.asarray(target.pose.position)
+    inside = _inside(packed, to_points)
+    lengths = np.linalg.norm(from_target, axis=-1) * np.linalg.norm(to_points, axis=-1)
+    cosine = np.einsum("csk,sk->cs", to_points, from_target) / np.maximum(lengths, 1e-300)
+    return inside, np.arccos(np.clip(cosine, -1.0, 1.0))
+
+
+def _on_rays(camera: Camera, depths: Sequence[float], grid: int = _GRID) -> FloatArray:  # [samples, 3]
+    """World points on a grid of a camera's rays."""
+    steps = (np.arange(grid) + 0.5) / grid
+    u, v = np.meshgrid(steps * camera.width, steps * camera.height)
+    uv = np.stack([u.ravel(), v.ravel()], axis=-1)
+    return np.concatenate([camera.unproject(uv, np.full(len(uv), depth)) for depth in depths])
+
+
+@lru_cache(maxsize=8)
+def _packed(cameras: tuple[Camera, ...]) -> FloatArray:  # [cameras, CAMERA_SIZE]
+    return np.stack([camera.packed() for camera in cameras])
+
+
+def _inside(cameras: FloatArray, to_points: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether points, given relative to each packed camera [cameras, samples, 3], fall into its picture."""
+    packed = cameras[:, None]
+    local = to_points @ cameras[:, 7:16].reshape(-1, 3, 3)
+    x, y, z = np.moveaxis(local, -1, 0)
+    width, height, p3, p4, p5, p6 = np.moveaxis(packed[:, :, 1:7], -1, 0)
+    flat = packed[:, :, 0] == PERSPECTIVE
+    with np.errstate(divide="ignore", invalid="ignore"):
+        middle = 0.5 * width * p4
+        azimuth = (p3 - np.arctan2(y, x) - middle + math.pi) % (2 * math.pi) - math.pi + middle
+        u = np.where(flat, p5 - p3 * y / x, azimuth / p4)
+        v = np.where(flat, p6 - p4 * z / x, (p5 - np.arctan2(z, np.hypot(x, y))) / p6)
+        inside: npt.NDArray[np.bool_] = (u >= 0) & (v >= 0) & (u <= width) & (v <= height) & (~flat | (x > 0))
+    return inside

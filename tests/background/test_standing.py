@@ -1,0 +1,210 @@
+"""Which of the surfaces behind a pixel the backdrop shows: the nearest that no view looks, or has looked, through."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+from farside.engine.background.model import BackgroundModel
+from farside.engine.geometry.embree import Scene as RayScene
+from farside.engine.geometry.embree import intersect_address
+from farside.engine.geometry.prepared_view import PreparedView, ViewTable
+from farside.engine.geometry.scene_scale import Scene
+from farside.engine.geometry.triangulation import TriangulationOptions
+from farside.engine.kernels.background.standing import standing_hit
+from farside.engine.kernels.base.sight import looks_through, shows
+from farside.engine.kernels.base.view_table import EDGE
+from farside.engine.pipeline.engine import Engine
+from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
+from farside.engine.rig.depth import DepthCoding
+from farside.engine.rig.frame import Frame, View
+from farside.engine.settings import Settings
+from oracle import standing as slow
+from support.rooms import CODING, camera_row, texture_of
+
+ORIGIN = np.zeros(3)
+SLACK = (0.1, 0.0)
+FAR_X, NEAR_X, POST_X = 6.0, 3.0, 1.5
+WINDOW = 0.5  # half of the side of the square hole in the nearer wall
+FAR_Y, NEAR_Y, POST_Y = 700, 300, 900  # luma
+
+
+def prepared(camera, codes, luma=500):
+    return PreparedView(
+        View(camera, texture_of(np.full(codes.shape, luma)), codes), TriangulationOptions(0.0, 0.2), ORIGIN
+    )
+
+
+@numba.njit
+def _hits(function, scene, camera, bounds, uv, near, owners, table, codes, slack, result):
+    for i in range(len(uv)):
+        distance, _u, _v, geometry, primitive, _length, rays = standing_hit(
+            function, scene, camera, bounds, uv[i, 0], uv[i, 1], near, owners, table, codes, slack
+        )
+        result[i, 0], result[i, 1], result[i, 2], result[i, 3] = distance, geometry, primitive, rays
+
+
+def random_case(projection, seed):
+    """A camera, a few sheets at random depths with a view each, whose pictures show some of them, or nothing."""
+    rng = np.random.default_rng(seed)
+    camera = Camera("eye", projection, Pose.from_euler((-0.2, 0.1, 0.0), 0.05, -0.05, 0.1), CODING)
+    meshes, views, depths = [], [], np.array([2.7, 3.6, 4.5, 5.4]) + rng.uniform(-0.2, 0.2, 4)
+    for k, depth in enumerate(depths):
+        y, z = np.meshgrid(np.linspace(1.6, -1.6, 5), np.linspace(1.6, -1.6, 5))
+        points = np.stack([depth + rng.uniform(-0.02, 0.02, y.shape), y, z], -1).reshape(-1, 3).astype(np.float32)
+        n = np.arange(25).reshape(5, 5)
+        a, b, c, d = n[:-1, :-1].ravel(), n[:-1, 1:].ravel(), n[1:, :-1].ravel(), n[1:, 1:].ravel()
+        triangles = np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).astype(np.int32)
+        meshes.append((points, triangles[rng.random(len(triangles)) < 0.7], k))
+        view = Camera(f"v{k}", Perspective.from_fov(24, 18, 1.0), Pose((0.0, rng.uniform(-0.5, 0.5), 0.0)), CODING)
+        blocks = rng.choice([*depths, depth, depth, 8.0, np.nan], (3, 4))  # what it sees, six by six pixels each
+        present = CODING.codes(np.kron(blocks, np.ones((6, 6))))
+        older = CODING.codes(np.kron(rng.choice(depths, (3, 4)), np.ones((6, 6))))
+        memory = np.where((present == 0) | (older == 0), np.maximum(present, older), np.minimum(present, older))
+        views.append((view, present, memory.astype(np.uint16)))
+    return camera, meshes, views, rng.uniform((0, 0), (camera.width, camera.height), (150, 2))
+
+
+@pytest.mark.parametrize("near", [0.0, 3.2])
+@pytest.mark.parametrize(
+    "projection", [Perspective.from_fov(40, 30, 0.6), Equirectangular(40, 30, (-0.3, 0.3), (-0.25, 0.25))]
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_the_shown_surface_is_that_of_the_slow_choice(projection, near, seed):
+    camera, meshes, views, uv = random_case(projection, seed)
+    scene, flags = RayScene(), [np.zeros(len(triangles), np.uint8) for _points, triangles, _owner in meshes]
+    for number, ((points, triangles, _owner), flag) in enumerate(zip(meshes, flags, strict=True)):
+        scene.set(number, points, triangles, flag)
+    scene.commit()
+    table = ViewTable([prepared(view, present) for view, present, _memory in views])
+    codes = np.array([[present.ctypes.data, memory.ctypes.data] for _view, present, memory in views])
+    owners, result = np.zeros((len(meshes), 4), np.int64), np.empty((len(uv), 4))
+    owners[:, 2] = [owner for _points, _triangles, owner in meshes]
+    bounds = scene.bounds() + np.array([[-0.01], [0.01]])
+    _hits(
+        intersect_address(), scene.address, camera.packed(), bounds, uv, near, owners, table.rows, codes, SLACK, result
+    )
+    asked = [
+        (view, row[EDGE], present, memory) for (view, present, memory), row in zip(views, table.rows, strict=True)
+    ]
+    layers = []
+    for (u, v), (distance, mesh, triangle, rays) in zip(uv, result, strict=True):
+        expected, *which = slow.standing(camera, u, v, near, meshes, asked, SLACK)
+        assert (distance > 0) == np.isfinite(expected)
+        if np.isfinite(expected):
+            assert distance == pytest.approx(expected, abs=1e-4)
+            assert [mesh, triangle] == which
+            layers.append((which[0], rays))
+    shown, rays = np.array(layers).T
+    assert len(set(shown)) == (3 if near else 4)
+    assert rays.min() == 1
+    assert rays.max() >= 4
+
+
+@pytest.mark.parametrize(
+    ("seen", "through", "shown"),
+    [(3.0, False, True), (3.08, False, True), (2.92, False, True), (2.0, False, False), (3.2, True, False),
+     (6.0, True, False), (np.nan, False, False)],
+)  # fmt: skip
+@pytest.mark.parametrize("slack", [SLACK, (0.02, 0.1 / 9.0)])  # at 3 m the same
+def test_what_a_view_says_of_a_point(seen, through, shown, slack):
+    camera = camera_row(1)[0]
+    codes = np.full((camera.height, camera.width), CODING.codes(np.array(seen)), np.uint16)
+    row, at = prepared(camera, codes).table_row, np.array([3.0, 0.2, 0.1])
+    assert looks_through(row, codes.ctypes.data, *at, slack) == through == slow.looks_through(camera, codes, at, slack)
+    assert shows(row, codes.ctypes.data, *at, slack) == shown == slow.shows(camera, row[EDGE], codes, at, slack)
+    for outside in ((-3.0, 0.0, 0.0), (3.0, 40.0, 0.0), (0.01, 0.0, 0.0)):
+        assert not looks_through(row, codes.ctypes.data, *outside, slack)
+        assert not shows(row, codes.ctypes.data, *outside, slack)
+
+
+def test_a_slanted_surface_is_seen_and_a_depth_edge_is_not():
+    camera = camera_row(1)[0]
+    depth = np.broadcast_to(np.linspace(2.0, 5.0, camera.width), (camera.height, camera.width))
+    slanted, edge = CODING.codes(depth), CODING.codes(np.where(depth < 3.5, 2.0, 5.0))
+    at = camera.unproject([48.0, 32.0], 3.5)
+    for codes, expected in ((slanted, True), (edge, False)):
+        row = prepared(camera, codes).table_row
+        assert shows(row, codes.ctypes.data, *at, (0.01, 0.0)) == expected
+        assert not looks_through(row, codes.ctypes.data, *at, (0.01, 0.0))
+
+
+# Two walls, the nearer one with a window
+
+
+def wall_with_window(camera, post=False):
+    """A view of two parallel walls, of which the nearer has a square hole; and of a post before them."""
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
+    start, points = np.array(camera.pose.position), camera.unproject(np.stack([u, v], -1), np.ones_like(u))
+    rays = points - start
+    t = (NEAR_X - start[0]) / rays[..., 0]
+    at = start + t[..., None] * rays
+    hole = (np.abs(at[..., 1]) < WINDOW) & (np.abs(at[..., 2]) < WINDOW)
+    depth, luma = np.where(hole, (FAR_X - start[0]) / rays[..., 0], t), np.where(hole, FAR_Y, NEAR_Y)
+    if post:
+        t = (POST_X - start[0]) / rays[..., 0]
+        on_post = np.abs((start + t[..., None] * rays)[..., 1] - 0.42) < 0.08
+        depth, luma = np.where(on_post, t, depth), np.where(on_post, POST_Y, luma)
+    return View(camera, texture_of(luma), camera.depth.codes(depth))
+
+
+def seen_from(pose, standing):
+    """Luma and x coordinate of the backdrop of two walls, and which pixels look through the window."""
+    cameras = camera_row(5, (192, 128), 0.6)
+    first = Frame(0, tuple(wall_with_window(camera) for camera in cameras))
+    settings = Settings(n_init=5, baseline_m=0.5)
+    scene = Scene.of(cameras, settings, first)
+    model = BackgroundModel(cameras, settings, scene)
+    model.update(first)
+    table = ViewTable([PreparedView(v, scene.triangulation(v.camera, settings), scene.origin) for v in first.views])
+    eye = Camera("eye", Perspective.from_fov(80, 60, 0.8), pose, CODING)
+    view = model.render_pbi(eye, table if standing else None).view
+    v, u = np.mgrid[0:60, 0:80] + 0.5
+    points = eye.unproject(np.stack([u, v], -1), CODING.depth(view.codes))
+    return view.texture.y, points[..., 0], wall_with_window(eye).texture.y == FAR_Y
+
+
+POSES = {
+    "before": Pose((0.4, 0.1, 0.1)),
+    "beside": Pose((1.0, 1.2, 0.0)),
+    "aslant": Pose.from_euler((0.0, -1.2, 0.0), 0.4, 0.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_a_wall_that_stands_is_shown_and_its_window_is_open(pose):
+    luma, x, window = seen_from(POSES[pose], standing=True)
+    # All but a texel of the cameras round the window's border: there, nothing tells.
+    assert np.mean((np.abs(x - NEAR_X) < 0.05) == ~window) > 0.97
+    assert np.mean((luma == NEAR_Y) == ~window) > 0.96
+
+
+def test_the_farthest_surfaces_show_the_far_wall_where_the_near_one_stands():
+    _luma, x, window = seen_from(POSES["before"], standing=False)
+    wrong = ~window & (np.abs(x - FAR_X) < 0.05)
+    assert wrong.sum() > 0.05 * wrong.size
+
+
+def test_an_unknown_backdrop_is_refused():
+    with pytest.raises(ValueError, match="backdrop: 'nearest': expected one of farthest, standing"):
+        Settings(backdrop="nearest")
+
+
+def test_the_engine_shows_what_the_setting_says():
+    """Beside a post, which hides a strip of the near wall from the one view that has depth now."""
+    cameras = camera_row(5, (192, 128), 0.6)
+    eye = Camera("eye", Perspective.from_fov(80, 60, 0.8), Pose((0.0, 0.25, 0.0)), DepthCoding(0.5, 20.0))
+    first = Frame(0, tuple(wall_with_window(camera) for camera in cameras))
+    now = [View(view.camera, view.texture, np.zeros_like(view.codes)) for view in first.views]
+    now[2] = wall_with_window(cameras[2], post=True)
+    wall, depths = wall_with_window(eye, post=True).texture.y == NEAR_Y, {}
+    for backdrop in ("farthest", "standing"):
+        engine = Engine(cameras, Settings(n_init=5, n_render=1, baseline_m=0.5, backdrop=backdrop, fill="none"))
+        engine.update(first)
+        engine.update(Frame(1, tuple(now)), {"me": eye})
+        picture = engine.render_camera(eye, "me")
+        only = wall & picture.holes(warped=True) & ~picture.holes()
+        assert only.sum() > 100
+        depths[backdrop] = 1.0 / picture.disparity[only]
+    assert np.mean(depths["farthest"] > 0.5 * (NEAR_X + FAR_X)) > 0.5
+    assert np.mean(depths["standing"] > 0.5 * (NEAR_X + FAR_X)) < 0.05

@@ -1,0 +1,76 @@
+"""Which updated pixels become part of the P-PBS (Fig. 6b)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from farside.engine.background.maximum_depth import coding_row
+from farside.engine.background.pbs import ProbableBackgroundSurface
+from farside.engine.geometry.mesh import Mesh
+from farside.engine.kernels.background.maximum_depth import KEPT, PROVISIONAL, UPDATED
+from farside.engine.kernels.background.triangle_filter import accept_candidates
+from farside.engine.rig.camera import Camera, Perspective, Pose
+from oracle.rays import farthest
+from support.rooms import CODING
+
+DELTA = 0.2
+
+
+def wall_with_a_gap():
+    """A wall at a distance of 4 of squares of 0.25, but for nine of them."""
+    y, z = np.meshgrid(np.arange(-4, 4.01, 0.25) + 0.07, np.arange(-4, 4.01, 0.25) + 0.04, indexing="ij")
+    points = np.stack([np.full(y.shape, 4.0), y, z], axis=-1).reshape(-1, 3).astype(np.float32)
+    k = np.arange(y.size).reshape(y.shape)
+    gap = np.zeros((len(k) - 1, len(k) - 1), bool)
+    gap[14:17, 12:15] = True
+    a, b, c, d = (q[~gap] for q in (k[:-1, :-1], k[:-1, 1:], k[1:, :-1], k[1:, 1:]))
+    triangles = np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).astype(np.int32)
+    return Mesh(points, np.zeros((len(points), 2), np.float32), triangles)
+
+
+def slow_filter(camera, mesh, depth, updated, kept):
+    """(kept, updated) afterwards: pixel by pixel, each by its own ray."""
+    accepted, confirmed = np.zeros(kept.shape, bool), np.zeros(kept.shape, bool)
+    for y, x in np.argwhere(updated & ~kept):
+        found, _triangle = farthest(camera, x + 0.5, y + 0.5, mesh.points, mesh.triangles)
+        length = np.linalg.norm(camera.unproject([x + 0.5, y + 0.5], 1.0))
+        confirmed[y, x] = np.isnan(found)
+        accepted[y, x] = np.isnan(found) or depth[y, x] * length > found + DELTA
+    there = np.pad(kept | accepted, 1).astype(int)
+    h, w = kept.shape
+    around = sum(there[y : y + h, x : x + w] for y in range(3) for x in range(3)) - there[1:-1, 1:-1]
+    confirmed |= accepted & (around >= 3)
+    return kept | confirmed, accepted & ~confirmed
+
+
+@pytest.mark.parametrize("size", [(40, 32), (33, 25)])
+@pytest.mark.parametrize("share", [1.0, 0.8])
+def test_candidates_are_accepted_as_by_the_slow_twin_with_fewer_rays(size, share):
+    camera, mesh = Camera("c", Perspective.from_fov(*size, 1.0), Pose(), CODING), wall_with_a_gap()
+    pbs = ProbableBackgroundSurface(1)
+    pbs.set_static(0, mesh)
+    pbs.commit()
+    rng = np.random.default_rng(2)
+    depth = np.full(size[::-1], 4.0)
+    depth[3:9, 5:16] = 5.0  # a region behind the wall, and what is not enough of one
+    depth[14, 28] = depth[20, 9:11] = 5.0
+    codes = CODING.codes(depth)
+    updated = rng.random(codes.shape) < share
+    kept = rng.random(codes.shape) < 0.02
+    others = rng.integers(0, 1 << 8, codes.shape, np.uint8) & PROVISIONAL
+    flags = np.where(updated, UPDATED, 0).astype(np.uint8) | np.where(kept, KEPT, 0).astype(np.uint8) | others
+    expected, lone = slow_filter(camera, mesh, CODING.depth(codes), updated, kept)
+    candidates, changed, before = np.count_nonzero(updated), np.count_nonzero(updated & kept), np.count_nonzero(kept)
+    blocks = np.argwhere(np.ones((-(-size[1] // 8), -(-size[0] // 16))))
+    counts = np.empty((len(blocks), 5), np.int64)
+    accept_candidates(
+        pbs.intersect, pbs.scene, camera.packed(), pbs.bounds, coding_row(camera), codes, flags, (DELTA, 0.0), blocks,
+        8, 16, counts,
+    )  # fmt: skip
+    np.testing.assert_array_equal(flags, np.where(expected, KEPT, 0) | np.where(lone, UPDATED, 0) | others)
+    rays = counts[:, 4].sum()
+    accepted = np.count_nonzero(expected) - before
+    assert counts.sum(axis=0)[:4].tolist() == [candidates, accepted, changed, np.count_nonzero(lone)]
+    assert lone.any()
+    assert accepted > 66 * share
+    assert rays < (0.6 if share == 1 else 0.9) * candidates

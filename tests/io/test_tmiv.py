@@ -1,0 +1,372 @@
+"""Sequences: reading real rigs, round trips through the writer, and what bad input says."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from farside.engine.io.pose_trace import read_pose_trace, read_poses, write_poses
+from farside.engine.io.tmiv import SequenceWriter, TmivError, open_sequence, playback_index
+from farside.engine.io.tmiv_check import check_sequence
+from farside.engine.io.yuv import PixelFormat, RawVideo
+from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
+from farside.engine.rig.depth import DepthCoding
+from farside.engine.rig.frame import Texture
+from support.shared import SHARED, needs_shared
+
+RIGS = {"A": (15, "ClassroomVideo"), "B": (24, "Museum"), "C": (10, "Hijack"), "D": (16, "Painter")}
+RIGS |= {"E": (13, "Frog"), "L": (10, "Fencing")}
+FRAMES = 3
+
+
+def cameras(bits: int = 16) -> list[Camera]:
+    flat = Perspective(10, 6, -8.0, 9.0, 5.25, 2.0)
+    ball = Equirectangular(12, 8, (-math.pi, math.pi), (-math.pi / 2, math.pi / 2))
+    pose = Pose.from_euler((0.1, -2.0, 3e5), 0.5, -0.25, 3.0)
+    coding = DepthCoding(0.3, math.inf, bits)
+    return [
+        Camera("viewport", flat, Pose(), coding),
+        Camera("v0", flat, pose, coding),
+        Camera("v1", ball, pose, DepthCoding(0.5, 25.0, bits, has_invalid=True)),
+        Camera("t0", flat, Pose(), coding),
+    ]
+
+
+def pictures(camera: Camera, seed: int, bits: int = 16, step: int = 1) -> tuple[Texture, Any]:
+    rng = np.random.default_rng(seed)
+    h, w = camera.height, camera.width
+    planes = [
+        (rng.integers(0, 1024 // step, shape) * step).astype(np.uint16)
+        for shape in ((h, w), (h // 2, w // 2), (h // 2, w // 2))
+    ]
+    return Texture(*planes), rng.integers(0, 1 << bits, (h, w)).astype(np.uint16)
+
+
+def write(folder: Path, *, depth: str = "yuv420p16le", texture: str = "yuv420p10le") -> Path:
+    """Write three frames of v0, v1 (sources) and t0 (truth); v1 moves."""
+    bits = PixelFormat(depth).bits
+    step = 1 << max(0, 10 - PixelFormat(texture).bits)
+    rig = cameras(bits)
+    with SequenceWriter(
+        folder, "Made", 25.0, rig, ("v0", "v1"), depth_format=depth, texture_format=texture
+    ) as writer:
+        for frame in range(FRAMES):
+            for index, camera in enumerate(rig[1:]):
+                pose = Pose((frame, 1.0, 2.0)) if camera.name == "v1" else None
+                writer.write(camera.name, *pictures(camera, 10 * frame + index, bits, step), pose=pose)
+    return folder
+
+
+def edit(folder: Path, **changes: Any) -> None:
+    """Change top-level fields of the JSON, or with v0__Focal=... a camera's; None removes a field."""
+    file = folder / f"{folder.name}.json"
+    document = json.loads(file.read_text())
+    for key, value in changes.items():
+        name, _, field = key.rpartition("__")
+        target = next(c for c in document["cameras"] if c["Name"] == name) if name else document
+        target[field] = value
+        if value is None:
+            del target[field]
+    file.write_text(json.dumps(document))
+
+
+@needs_shared
+@pytest.mark.parametrize("rig", RIGS)
+def test_real_rigs_and_pose_traces_load(rig: str) -> None:
+    sequence = open_sequence(SHARED / "tmiv" / "sequences" / f"{rig}.json")
+    count, name = RIGS[rig]
+    assert (len(sequence.source_names), sequence.name) == (count, name)
+    assert set(sequence.source_names) < set(sequence.cameras)
+    viewport = sequence.cameras["viewport"]
+    for path in sorted((SHARED / "tmiv" / "pose_traces").glob(f"{rig}p*.csv")):
+        poses = read_pose_trace(path, viewport)
+        assert len(poses) == len(path.read_text().split()) - 1
+        offsets = np.array([pose.position for pose in poses]) - viewport.pose.position
+        assert np.abs(offsets).max() < 6
+
+
+@needs_shared
+def test_real_rig_details() -> None:
+    folder = SHARED / "tmiv" / "sequences"
+    classroom = open_sequence(folder / "A.json")
+    assert (classroom.start_frame(97), classroom.start_frame(98)) == (23, 0)
+    assert math.isinf(classroom.cameras["v0"].depth.far)
+    assert classroom.cameras["v0"].projection == Equirectangular(
+        4096, 2048, (-math.pi, math.pi), (-math.pi / 2, math.pi / 2)
+    )
+    frog = open_sequence(folder / "E.json").cameras["v13"]
+    assert frog.projection == Perspective(1920, 1080, 1546.74, 1547.76, 980.168, 534.722)
+    assert not frog.depth.has_invalid
+
+
+@needs_shared
+@pytest.mark.parametrize("name", ["Atrium", "Table"])
+def test_small_sequences_open_and_are_clean(name: str) -> None:
+    sequence = open_sequence(SHARED / "sequences" / name)
+    assert check_sequence(SHARED / "sequences" / name) == []
+    frame = sequence.frame(sequence.frame_count - 1)
+    assert [view.camera.name for view in frame.views] == list(sequence.source_names)
+    view = frame.views[0]
+    assert not view.texture.y.flags.owndata  # mapped, not copied
+    assert view.texture.y.max() < 1024
+    path = sequence.video("v0", "texture").path
+    assert path.name == f"{view.camera.name}_texture_{view.camera.width}x{view.camera.height}_yuv420p10le.yuv"
+    luma = np.fromfile(path, "<u2")[-3 * view.texture.y.size // 2 :][: view.texture.y.size]
+    np.testing.assert_array_equal(view.texture.y.ravel(), luma)
+    assert sequence.texture("t0", 0).y.shape == view.texture.y.shape
+
+
+@pytest.mark.parametrize(
+    ("depth", "texture"),
+    [
+        ("yuv420p16le", "yuv420p10le"),
+        ("yuv400p16le", "yuv420p"),
+        ("gray16le", "yuv420p12le"),
+        ("yuv420p10le", "yuv420p9le"),
+        ("yuv420p", "yuv420p16le"),
+        ("yuv400p", "yuv420p10le"),
+    ],
+)
+def test_round_trip(tmp_path: Path, depth: str, texture: str) -> None:
+    sequence = open_sequence(write(tmp_path / "S", depth=depth, texture=texture))
+    bits = PixelFormat(depth).bits
+    step = 1 << max(0, 10 - PixelFormat(texture).bits)
+    assert (sequence.name, sequence.fps, sequence.frame_count) == ("Made", 25.0, FRAMES)
+    assert sequence.source_names == ("v0", "v1")
+    for camera in cameras(bits):
+        read = sequence.cameras[camera.name]
+        assert (read.projection, read.depth) == (camera.projection, camera.depth)
+        np.testing.assert_allclose(read.pose.rotation(), camera.pose.rotation(), atol=1e-12)
+        assert read.pose.position == camera.pose.position
+    for frame in range(FRAMES):
+        for index, name in enumerate(("v0", "v1", "t0")):
+            expected, codes = pictures(sequence.cameras[name], 10 * frame + index, bits, step)
+            view = sequence.view(name, frame)
+            for plane in ("y", "cb", "cr"):
+                np.testing.assert_array_equal(getattr(view.texture, plane), getattr(expected, plane))
+            np.testing.assert_array_equal(view.codes, codes)
+            assert view.codes.dtype == view.texture.cb.dtype == np.uint16
+    assert check_sequence(tmp_path / "S") == []
+    assert (tmp_path / "S" / "truth" / f"t0_texture_10x6_{texture}.yuv").is_file()
+
+
+def test_moving_camera_has_a_pose_a_frame(tmp_path: Path) -> None:
+    sequence = open_sequence(write(tmp_path / "S"))
+    assert [sequence.view("v1", frame).camera.pose.position[0] for frame in range(3)] == [0.0, 1.0, 2.0]
+    assert sequence.poses("v0") is None
+    (tmp_path / "S" / "v1_poses.csv").write_text("X,Y,Z,Yaw,Pitch,Roll\n0,0,0,0,0,0\n")
+    with pytest.raises(TmivError, match=r"v1: Poses: no row for frame 1: the file has 1"):
+        open_sequence(tmp_path / "S").view("v1", 1)
+    assert any("v1: Poses" in line for line in check_sequence(tmp_path / "S"))
+
+
+def test_pose_file_round_trip_and_wrapped_yaw(tmp_path: Path) -> None:
+    poses = [Pose.from_euler((1, 2, 3), 4.0, p, 1.0) for p in (0.5, math.pi / 2, -math.pi / 2, -1.0)]
+    write_poses(tmp_path / "p.csv", poses)
+    for read, pose in zip(read_poses(tmp_path / "p.csv"), poses, strict=True):
+        np.testing.assert_allclose(read.rotation(), pose.rotation(), atol=1e-7)
+    (tmp_path / "q.csv").write_text("X,Y,Z,Yaw,Pitch,Roll\n1,2,3,190,0,0\n\n0,0,0,-170,0,0\n")
+    first, second = read_pose_trace(tmp_path / "q.csv", cameras()[1])
+    np.testing.assert_allclose(first.rotation(), second.rotation(), atol=1e-12)
+    np.testing.assert_allclose(first.position, (1.1, 0.0, 3e5 + 3))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "header"),
+        ("X,Y,Z,Yaw,Pitch\n", "header"),
+        ("X,Y,Z,Yaw,Pitch,Roll\n", "0 rows"),
+        ("X,Y,Z,Yaw,Pitch,Roll\n1,2,3,4,5\n", "line 2: Roll: ''"),
+        ("X,Y,Z,Yaw,Pitch,Roll\n1,2,3,4,5,6\n1,nan,3,4,5,6\n", "line 3: Y: 'nan'"),
+    ],
+)
+def test_bad_pose_file(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "p.csv").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        read_poses(tmp_path / "p.csv")
+
+
+def test_json_is_found(tmp_path: Path) -> None:
+    folder = write(tmp_path / "S")
+    (folder / "S.json").rename(folder / "x.json")
+    assert open_sequence(folder).name == "Made"  # the only one
+    (folder / "other.json").write_text("{}")
+    with pytest.raises(TmivError, match="2 JSON files"):
+        open_sequence(folder)
+    (folder / "x.json").rename(folder / "Made.json")
+    assert open_sequence(folder).name == "Made"
+    with pytest.raises(TmivError, match="nowhere"):
+        open_sequence(tmp_path / "nowhere")
+
+
+def test_playback_goes_to_and_fro() -> None:
+    assert [playback_index(i, 2) for i in range(7)] == [0, 1, 1, 0, 0, 1, 1]
+    assert [playback_index(i, 3) for i in range(8)] == [0, 1, 2, 2, 1, 0, 0, 1]
+    assert playback_index(5, 1) == 0
+    with pytest.raises(ValueError, match="frame"):
+        playback_index(0, 0)
+
+
+def test_default_sources_are_the_numbered_cameras(tmp_path: Path) -> None:
+    folder = write(tmp_path / "S")
+    edit(folder, sourceCameraNames=None, v1__HasInvalidDepth=None, v1__BitDepthDepth=None)
+    sequence = open_sequence(folder)
+    assert sequence.source_names == ("v0", "v1")
+    assert not sequence.cameras["v1"].depth.has_invalid
+
+
+def test_codes_above_the_range_do_no_harm(tmp_path: Path) -> None:
+    folder = write(tmp_path / "S")
+    path = folder / "v0_texture_10x6_yuv420p10le.yuv"
+    np.full(3 * 90, 65535, "<u2").tofile(path)
+    assert open_sequence(folder).view("v0", 2).texture.y.max() == 65535
+
+
+BAD_JSON = [
+    ({"v0__Focal": "8"}, r'camera v0: Focal: "8": expected two numbers'),
+    ({"v0__Focal": [0, 1]}, r"camera v0: fx: 0.0: expected a finite non-zero number"),
+    ({"v0__Focal": None}, r"camera v0: Focal: missing: expected two numbers"),
+    ({"v0__Resolution": [10, -6]}, r"camera v0: Resolution: \[10, -6\]: expected two positive"),
+    ({"v0__Depth_range": [5, 5]}, r"camera v0: Depth_range: .*expected 0 < near < far"),
+    ({"v0__Depth_range": [5, "infinite"]}, r"camera v0: Depth_range: .*expected two numbers"),
+    ({"v0__Projection": "Fisheye"}, r'camera v0: Projection: "Fisheye": expected Perspective or Equi'),
+    ({"v0__HasInvalidDepth": "no"}, r'camera v0: HasInvalidDepth: "no": expected true or false'),
+    ({"v0__BitDepthDepth": 17}, r"camera v0: BitDepthDepth: 17: expected a whole number from 8 to 16"),
+    ({"v0__Position": [0, 0, math.nan]}, r"camera v0: Position: .*expected three numbers"),
+    ({"v1__Ver_range": [90, -90]}, r"camera v1: ver_range: .*expected min < max"),
+    ({"v0__Name": 7}, r"cameras\[1\]: Name: 7: expected a name"),
+    ({"v0__Name": "../v0"}, r"cameras\[1\]: Name: .*expected a name"),
+    ({"v1__Name": "v0"}, r"camera v0: Name: .*twice"),
+    ({"sourceCameraNames": ["v0", "v7"]}, r"sourceCameraNames: 'v7': no camera has this name"),
+    ({"sourceCameraNames": ["v0", "v0"]}, r"sourceCameraNames: 'v0': named 2 times"),
+    ({"sourceCameraNames": []}, r"sourceCameraNames: no source view"),
+    ({"Fps": 0}, r"Fps: 0: expected a positive number"),
+    ({"frameRanges": [{"startFrame": 3}]}, r"frameRanges: .*expected a list of"),
+    ({"frameRanges": 7}, r"frameRanges: 7: expected a list of"),
+    ({"cameras": {}}, r"cameras: {}: expected a list of at least one camera"),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), BAD_JSON)
+def test_bad_json(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    folder = write(tmp_path / "S")
+    edit(folder, **changes)
+    with pytest.raises(TmivError, match=message):
+        open_sequence(folder)
+    assert check_sequence(folder)
+
+
+def test_no_value_of_any_field_is_more_than_a_problem(tmp_path: Path) -> None:
+    folder = write(tmp_path / "S")
+    file = folder / "S.json"
+    whole = json.loads(file.read_text())
+    whole["frameRanges"] = [{"maxNumberOfFrames": 3, "startFrame": 1}]
+    whole["cameras"][1]["Poses"] = "v1_poses.csv"
+    refused = 0
+    for number in (None, 1, 2):  # the top level, a perspective and an equirectangular camera
+        for key in whole if number is None else whole["cameras"][number]:
+            for value in (None, True, 7, -1, "x", "", [], {}, [None], [[1]], {"a": []}, [1, "inf"], 10**400):
+                document = json.loads(json.dumps(whole))
+                (document if number is None else document["cameras"][number])[key] = value
+                file.write_text(json.dumps(document))
+                check_sequence(folder)
+                try:
+                    open_sequence(folder)
+                except TmivError:
+                    refused += 1
+    assert refused > 200
+
+
+def test_json_that_is_none(tmp_path: Path) -> None:
+    for text in ("{", "[]", "\x00"):
+        (tmp_path / "a.json").write_text(text)
+        with pytest.raises(TmivError, match=r"a\.json: JSON: "):
+            open_sequence(tmp_path)
+
+
+def test_missing_and_short_files(tmp_path: Path) -> None:
+    folder = write(tmp_path / "S")
+    depth = folder / "v0_depth_10x6_yuv420p16le.yuv"
+    depth.write_bytes(depth.read_bytes()[:-1])
+    sequence = open_sequence(folder)
+    assert sequence.frame_count == 2
+    sequence.view("v0", 1)
+    with pytest.raises(ValueError, match="holds 2 whole frames of 10x6 yuv420p16le and 179"):
+        sequence.view("v0", 2)
+    with pytest.raises(ValueError, match="frame: -1"):
+        sequence.view("v0", -1)
+    depth.unlink()
+    with pytest.raises(TmivError, match=r"camera v0: depth: missing: expected a file like .*v0_depth_10x6"):
+        open_sequence(folder).frame(0)
+    with pytest.raises(TmivError, match=r"camera: 'v9': expected one of viewport, v0"):
+        sequence.view("v9", 0)
+
+
+def test_check_lists_everything_at_once(tmp_path: Path) -> None:
+    folder = write(tmp_path / "S")
+    edit(folder, Frames_number=7, v1__Rotation="none", v1__Depth_range=[3, 2], t0__Projection="Fisheye")
+    texture = folder / "v0_texture_10x6_yuv420p10le.yuv"
+    texture.write_bytes(texture.read_bytes()[:-100])
+    (folder / "v0_depth_10x6_yuv420p16le.yuv").unlink()
+    problems = check_sequence(folder)
+    for expected in (
+        "v1: Rotation", "v1: Depth_range", "t0: Projection", "v0_texture_10x6_yuv420p10le.yuv: 440 bytes",
+        "v0: depth: missing", "Frames_number: 7",
+    ):  # fmt: skip
+        assert any(expected in line for line in problems), (expected, problems)
+    assert not any("\n" in line for line in problems)
+
+
+def test_check_names_wrong_resolution_and_counts(tmp_path: Path) -> None:
+    folder = write(tmp_path / "S")
+    depth = folder / "v0_depth_10x6_yuv420p16le.yuv"
+    depth.rename(folder / "v0_depth_12x6_yuv420p16le.yuv")
+    texture = folder / "v1_texture_12x8_yuv420p10le.yuv"
+    texture.write_bytes(texture.read_bytes()[: 2 * 12 * 8 * 3])
+    problems = check_sequence(folder)
+    assert any("v0_depth_12x6_yuv420p16le.yuv: expected 10x6" in line for line in problems), problems
+    assert any("v1" in line and "2 frames" in line for line in problems), problems
+
+
+def test_check_looks_at_the_files_of_a_camera_it_cannot_read(tmp_path: Path) -> None:
+    folder = write(tmp_path / "S")
+    edit(folder, v0__Depth_range=[3, 3])
+    texture = folder / "v0_texture_10x6_yuv420p10le.yuv"
+    texture.write_bytes(texture.read_bytes()[:-1])
+    (folder / "v0_depth_10x6_yuv420p16le.yuv").unlink()
+    problems = check_sequence(folder)
+    assert len(problems) == 4
+    expected = ("expected 0 < near < far", "539 bytes", "v0: depth: missing", "2 frames")
+    assert all(part in line for line, part in zip(problems, expected, strict=True)), problems
+
+
+def test_writer_refuses(tmp_path: Path) -> None:
+    rig = cameras()
+    with pytest.raises(ValueError, match="source_names: 'v8'"):
+        SequenceWriter(tmp_path, "x", 30, rig, ("v8",))
+    with pytest.raises(ValueError, match="format: 'yuv444p'"):
+        SequenceWriter(tmp_path, "x", 30, rig, ("v0",), texture_format="yuv444p")
+    with pytest.raises(ValueError, match="v0: depth bits: 16: expected 10"):
+        SequenceWriter(tmp_path, "x", 30, rig, ("v0",), depth_format="yuv420p10le").write(
+            "v0", *pictures(rig[1], 0)
+        )
+    with pytest.raises(ValueError, match="frames written"), SequenceWriter(
+        tmp_path, "x", 30, rig, ("v0", "v1")
+    ) as writer:
+        writer.write("v0", *pictures(rig[1], 0))
+
+
+def test_raw_video_without_chroma_is_grey(tmp_path: Path) -> None:
+    path = tmp_path / "a.yuv"
+    np.arange(12, dtype=np.uint8).tofile(path)
+    video = RawVideo(path, 4, 3, "gray")
+    texture = video.texture(0)
+    np.testing.assert_array_equal(texture.y.ravel(), np.arange(12) * 4)
+    assert (texture.cb == 512).all()
+    with pytest.raises(ValueError, match="plane: 1: gray has 1"):
+        video.plane(0, 1)

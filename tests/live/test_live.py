@@ -1,0 +1,567 @@
+"""The live engine's scheduling: what waits, what is dropped, what goes on when something fails."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from farside.engine.live.back_buffer import BackBuffer, OrderError
+from farside.engine.live.core_process import CoreLostError
+from farside.engine.live.engine import HeadPose, Live, LiveViewer, Source
+from farside.engine.live.timing import Activity, Longest, Rate, StallMonitor, Timings
+from farside.engine.live.update_priority import FIRM, GENTLE, Patience
+from farside.engine.rig.camera import Camera, Pose
+from farside.engine.rig.viewer import StereoPicture, StereoView
+from support.doubles import CAMERAS, HANG_S, FakeCore, a_frame, a_view
+
+SOURCE = Source("test", 30.0, CAMERAS)
+VIEW = StereoView.symmetric(Pose(), 16, 16, 1.5)
+
+
+def run(scenario: Callable[[], Awaitable[None]]) -> None:
+    async def guarded() -> None:
+        async with asyncio.timeout(HANG_S):
+            await scenario()
+
+    asyncio.run(guarded())
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    while not condition():
+        await asyncio.sleep(0.001)
+
+
+class Screen:
+    """Where a viewer's pictures go: tags and frames, and sends that can be held up."""
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[int, int]] = []
+        self.scenes: list[str] = []
+        self.ready = asyncio.Event()
+        self.ready.set()
+
+    def finish(self, wanted: HeadPose[int]) -> Callable[[StereoPicture], bytes]:
+        return lambda picture: bytes([wanted.tag, picture.frame_index])
+
+    async def send(self, data: bytes) -> None:
+        await self.ready.wait()
+        self.seen.append((data[0], data[1]))
+
+    async def announce(self, source: Source) -> None:
+        self.scenes.append(source.name)
+
+    def watch(self, viewer: LiveViewer[int]) -> asyncio.Task[None]:
+        return asyncio.create_task(viewer.run(self.finish, self.send, self.announce))
+
+
+def look(viewer: LiveViewer[int], tag: int, x: float = 0.0) -> None:
+    viewer.look(HeadPose(Pose((x, 0.0, 0.0)), tag / 100, tag))
+
+
+# The back buffer
+
+
+def test_a_frame_is_complete_when_every_camera_was_seen_in_any_order() -> None:
+    buffer = BackBuffer(["v0", "v1"])
+    assert buffer.add(4, a_view(CAMERAS[1])) is None
+    frame = buffer.add(4, a_view(CAMERAS[0]))
+    assert frame is not None
+    assert frame.index == 4
+    assert [view.camera.name for view in frame.views] == ["v0", "v1"]
+    assert buffer.add(5, a_view(CAMERAS[0])) is None
+
+
+@pytest.mark.parametrize(
+    ("then", "camera", "says"),
+    [
+        (4, 0, "camera: v0: expected one of v1 in frame 4"),
+        (5, 1, "frame: 5: expected 4, which still lacks v1"),
+        (3, 1, "frame: 3: expected 4, which still lacks v1"),
+    ],
+)
+def test_views_out_of_order_are_refused_and_change_nothing(then: int, camera: int, says: str) -> None:
+    buffer = BackBuffer(["v0", "v1"])
+    buffer.add(4, a_view(CAMERAS[0]))
+    with pytest.raises(OrderError, match=says):
+        buffer.add(then, a_view(CAMERAS[camera]))
+    assert buffer.add(4, a_view(CAMERAS[1])) is not None
+    with pytest.raises(OrderError, match="frame: 4: expected more than 4"):
+        buffer.add(4, a_view(CAMERAS[0]))
+
+
+def test_a_camera_that_was_not_announced_is_refused() -> None:
+    stranger = Camera("v9", CAMERAS[0].projection, Pose(), CAMERAS[0].depth)
+    with pytest.raises(OrderError, match="camera: v9: expected one of v0, v1"):
+        BackBuffer(["v0", "v1"]).add(0, a_view(stranger))
+
+
+# The back end
+
+
+def test_the_newest_frame_overtakes_the_waiting_one() -> None:
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            core = live._core
+            assert isinstance(core, FakeCore)
+            core.updating.close()
+            first = live.offer(a_frame(0))
+            await asyncio.to_thread(core.updating.entered.wait, HANG_S)
+            waiting = [live.offer(a_frame(i)) for i in (1, 2, 3)]
+            assert [await settled for settled in waiting[:2]] == [False, False]  # while 0 is still under way
+            core.updating.open()
+            assert await first
+            assert await waiting[2]
+            assert core.updates == [0, 3]
+            assert live.frames == {"updated": 2, "dropped": 2, "failed": 0}
+
+    run(scenario)
+
+
+def test_a_frame_that_the_core_refuses_is_reported_and_the_next_one_is_taken() -> None:
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            core = live._core
+            assert isinstance(core, FakeCore)
+            core.bad_frames = {1}
+            assert await live.offer(a_frame(0))
+            with pytest.raises(ValueError, match="frame: 1: expected a better one"):
+                await live.offer(a_frame(1))
+            assert await live.offer(a_frame(2))
+            assert core.updates == [0, 2]
+            assert live.frames["failed"] == 1
+
+    run(scenario)
+
+
+def test_the_same_cameras_keep_the_model_others_begin_anew() -> None:
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(7))
+            core = live.shown
+            assert core is not None
+            await live.open(Source("again", 25.0, CAMERAS))
+            assert live.shown is core
+            await live.open(Source("other", 25.0, CAMERAS[:1]))
+            assert live.shown is None  # nothing to show before its first frame
+            with pytest.raises(ValueError, match="mesh: there is none before the first frame"):
+                await live.mesh(lambda mesh: b"")
+            await live.offer(a_frame(0, CAMERAS[:1]))
+            assert live.shown is not core
+
+    run(scenario)
+
+
+def test_cameras_that_no_core_takes_leave_the_old_one_at_work() -> None:
+    def make(source: Source) -> FakeCore:
+        if source.name == "bad":
+            raise ValueError("cameras: too odd: expected others")
+        return FakeCore(source)
+
+    async def scenario() -> None:
+        async with Live(make) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            core = live.shown
+            with pytest.raises(ValueError, match="too odd"):
+                await live.open(Source("bad", 25.0, CAMERAS[:1]))
+            assert live.source is SOURCE
+            assert await live.offer(a_frame(1))
+            assert live.shown is core
+
+    run(scenario)
+
+
+def test_a_core_whose_process_has_ended_is_told_of_and_the_next_source_gets_another() -> None:
+    def lose(*asked: object) -> None:
+        raise CoreLostError("the engine's process ended by SIGKILL")
+
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            for ask in ("update", "render"):
+                await live.open(SOURCE)
+                await live.offer(a_frame(0))
+                core = live.shown
+                setattr(core, ask, lose)
+                with live.viewer("a", VIEW) as viewer:
+                    look(viewer, 1)
+                    asked = live.offer(a_frame(1)) if ask == "update" else Screen().watch(viewer)
+                    with pytest.raises(CoreLostError, match="by SIGKILL"):
+                        await asked
+                assert live.status()["engine"] == {"lost": "the engine's process ended by SIGKILL"}
+                with pytest.raises(RuntimeError, match="no source was opened"):
+                    live.offer(a_frame(2))
+                await live.open(SOURCE)
+                assert live.status()["engine"] == {}
+                assert await live.offer(a_frame(0))
+                assert live.shown is not core
+                await live.open(Source("other", 25.0, CAMERAS[:1]))
+
+    run(scenario)
+
+
+def test_the_back_end_gives_way_until_it_takes_too_long_and_cores_are_closed_in_the_end() -> None:
+    niceness: list[int] = []
+    patience = Patience()
+
+    class Nice(FakeCore):
+        def update(self, *given: Any) -> Any:
+            niceness.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+            return super().update(*given)
+
+        def render(self, *given: Any) -> Any:
+            niceness.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+            return super().render(*given)
+
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(Nice, patience=patience) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            patience.longest_s = 0.0
+            await live.offer(a_frame(1))
+            await live.offer(a_frame(2))
+            assert live.status()["update_niceness"] == FIRM
+            shown = live.shown
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+                look(viewer, 1)
+                await until(lambda: bool(screen.seen))
+                watching.cancel()
+            await live.open(Source("other", 25.0, CAMERAS[:1]))
+            core = live._core
+        assert isinstance(shown, Nice)
+        assert isinstance(core, Nice)
+        assert core.closed
+
+    run(scenario)
+    usual = os.getpriority(os.PRIO_PROCESS, os.getpid())
+    behind, nearer = min(usual + GENTLE, 19), min(usual + FIRM, 19)
+    assert niceness == [behind, behind, nearer, usual]
+
+
+@pytest.mark.parametrize(
+    ("interval", "updates"),
+    [
+        (1.0, [(0.9, GENTLE), (0.9, GENTLE)]),  # the video keeps up
+        (1.0, [(1.1, FIRM), (0.9, FIRM), (0.11, FIRM), (0.09, GENTLE), (0.9, GENTLE)]),  # it does when updates compete
+        (0.1, [(1.1, FIRM), (0.4, GENTLE), *[(1.1, GENTLE)] * 15, (1.1, FIRM), (0.4, GENTLE), *[(1.1, GENTLE)] * 31]),
+        (0.1, [(5.1, FIRM), (5.1, FIRM), (0.51, FIRM), (0.49, GENTLE)]),  # pictures leave nothing
+        (0.1, [(1.1, FIRM), (0.4, GENTLE), (5.1, FIRM)]),
+        (20.0, [(4.9, GENTLE), (5.1, FIRM)]),
+    ],
+)
+def test_pictures_go_first_unless_updates_come_too_late_for_the_video(
+    interval: float, updates: list[tuple[float, int]]
+) -> None:
+    patience = Patience(5.0)
+    for seconds, then in updates:
+        patience.observe(seconds, interval)
+        assert patience.niceness == then
+
+
+# Viewers
+
+
+def test_poses_wait_for_the_first_frame_and_the_newest_wins() -> None:
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+                for tag in (1, 2, 3):
+                    look(viewer, tag)
+                await live.open(SOURCE)
+                await live.offer(a_frame(5))
+                await until(lambda: bool(screen.seen))
+                assert screen.seen == [(3, 5)]
+                assert screen.scenes == ["test"]
+                assert viewer.dropped == 2
+                watching.cancel()
+
+    run(scenario)
+
+
+def test_stale_poses_are_dropped_while_a_picture_is_rendered() -> None:
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            core = live.shown
+            assert isinstance(core, FakeCore)
+            core.rendering.close()
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+                look(viewer, 1)
+                await asyncio.to_thread(core.rendering.entered.wait, HANG_S)
+                for tag in (2, 3, 4):
+                    look(viewer, tag, x=tag)
+                core.rendering.open()
+                await until(lambda: len(screen.seen) == 2)
+                assert [tag for tag, _ in screen.seen] == [1, 4]
+                assert core.rendered[-1].pose.position == (4.0, 0.0, 0.0)
+                assert (viewer.dropped, viewer.rendered) == (2, 2)
+                watching.cancel()
+
+    run(scenario)
+
+
+def test_a_slow_client_delays_no_other() -> None:
+    async def scenario() -> None:
+        slow, fast = Screen(), Screen()
+        slow.ready.clear()
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            with live.viewer("slow", VIEW) as one, live.viewer("fast", VIEW) as other:
+                tasks = [slow.watch(one), fast.watch(other)]
+                for tag in range(1, 20):
+                    look(one, tag)
+                    look(other, tag)
+                    await until(lambda tag=tag: fast.seen[-1:] == [(tag, 0)])
+                assert len(fast.seen) == 19
+                assert slow.seen == []
+                slow.ready.set()
+                await until(lambda: slow.seen[-1:] == [(19, 0)])
+                assert [tag for tag, _ in slow.seen] == [1, 19]  # what was under way, then the newest
+                for task in tasks:
+                    task.cancel()
+
+    run(scenario)
+
+
+def test_a_viewer_that_tells_what_it_has_seen_has_few_pictures_under_way() -> None:
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+
+                async def show(tag: int, seen: int, pictures: int) -> None:
+                    viewer.look(HeadPose(Pose(), tag / 100, tag, None, seen))
+                    for _ in range(20):
+                        await asyncio.sleep(0.005)
+                    assert len(screen.seen) == pictures
+
+                await show(1, 0, 1)
+                await show(2, 0, 2)
+                await show(3, 0, 2)  # two are under way
+                await show(4, 1, 3)  # one has arrived: the newest pose is next
+                assert [tag for tag, _ in screen.seen] == [1, 2, 4]
+                assert viewer.dropped == 1
+                watching.cancel()
+
+    run(scenario)
+
+
+def test_rendering_goes_on_while_the_back_end_works() -> None:
+    """f_ren does not wait for f_vin: with an update held up, pictures of the previous frame come."""
+
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            core = live.shown
+            assert isinstance(core, FakeCore)
+            core.updating.close()
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+                update = live.offer(a_frame(1))
+                for tag in range(1, 6):
+                    look(viewer, tag)
+                    await until(lambda tag=tag: screen.seen[-1:] == [(tag, 0)])
+                assert not update.done()
+                core.updating.open()
+                assert await update
+                look(viewer, 6)
+                await until(lambda: screen.seen[-1] == (6, 1))
+                watching.cancel()
+
+    run(scenario)
+
+
+def test_a_broken_picture_ends_its_viewer_only() -> None:
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            core = live.shown
+            assert isinstance(core, FakeCore)
+            with live.viewer("a", VIEW) as viewer, live.viewer("b", VIEW) as other:
+                core.fail_render = True
+                look(viewer, 1)
+                with pytest.raises(RuntimeError, match="the renderer broke"):
+                    await screen.watch(viewer)
+                core.fail_render = False
+                watching = screen.watch(other)
+                look(other, 2)
+                await until(lambda: screen.seen == [(2, 0)])
+                watching.cancel()
+
+    run(scenario)
+
+
+def test_an_update_knows_every_viewers_pose_and_speed() -> None:
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            with live.viewer("a", VIEW) as viewer, live.viewer("b", VIEW) as other:
+                for tick in range(200):  # 2 m/s at 100 Hz
+                    look(viewer, tick, x=tick / 50)
+                other.look(HeadPose(Pose(), 0.0, 0, (0.0, 3.0, 4.0)))
+                await live.offer(a_frame(0))
+                core = live.shown
+                assert isinstance(core, FakeCore)
+                assert core.viewers["a"].pose.position == (199 / 50, 0.0, 0.0)
+                assert core.speeds == {"a": pytest.approx(2.0, rel=1e-3), "b": 5.0}
+            await live.offer(a_frame(1))
+            assert core.viewers == {}
+
+    run(scenario)
+
+
+@pytest.mark.parametrize("times", [(1.0, 1.0), (1.0, 0.5)])
+def test_a_clock_that_stands_or_goes_back_does_not_disturb_the_speed(times: tuple[float, float]) -> None:
+    async def scenario() -> None:
+        viewer: LiveViewer[int] = LiveViewer(Live(FakeCore), "a", VIEW)
+        for moment, x in zip(times, (0.0, 100.0), strict=True):
+            viewer.look(HeadPose(Pose((x, 0.0, 0.0)), moment, 0))
+        assert viewer.speed == 0.0
+
+    run(scenario)
+
+
+# Shutdown and figures
+
+
+def test_shutdown_waits_for_the_update_and_leaves_no_thread_and_no_future_behind() -> None:
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            core = live._core
+            assert isinstance(core, FakeCore)
+            core.updating.close()
+            under_way = live.offer(a_frame(0))
+            await asyncio.to_thread(core.updating.entered.wait, HANG_S)
+            waiting = live.offer(a_frame(1))
+            asyncio.get_running_loop().call_later(0.05, core.updating.open)
+        assert core.updates == [0]
+        assert under_way.done()
+        assert waiting.result() is False
+        assert all(task.done() for task in live._tasks)
+
+    run(scenario)
+
+
+def test_a_blocked_loop_is_noticed_and_charged_to_the_update_that_ran() -> None:
+    async def scenario() -> None:
+        updates = Activity()
+        monitor = StallMonitor(updates, 0.001)
+        task = asyncio.create_task(monitor.run())
+        await asyncio.sleep(0.01)
+        with updates.running():
+            time.sleep(0.06)  # on the loop's thread: the fault that is to be seen
+        await asyncio.sleep(0.01)
+        during_update = monitor.summary()["longest_stall_during_update_ms"]
+        time.sleep(0.2)
+        await asyncio.sleep(0.01)
+        summary = monitor.summary()
+        assert during_update >= 55
+        assert summary["longest_stall_ms"] >= 195
+        assert summary["longest_stall_during_update_ms"] == during_update
+        assert 0.5 * 195 < summary["longest_own_stall_ms"] <= summary["longest_stall_ms"]  # it slept
+        assert 0 < summary["longest_busy_ms"] < 195
+        assert 0 < summary["loop_busy_s"] < 0.26
+        task.cancel()
+
+    run(scenario)
+
+
+def test_the_longest_is_that_of_the_seconds_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 100.0
+    monkeypatch.setattr("farside.engine.live.timing.time.monotonic", lambda: now)
+    longest = Longest(keep_s=3)
+    assert longest.over() == 0
+    for now, milliseconds in ((100.0, 50.0), (101.5, 3.0), (101.9, 2.0), (103.0, 7.0)):  # noqa: B007 (it is the clock)
+        longest.add(milliseconds)
+    assert [longest.over(seconds) for seconds in (0, 1, 2, 3)] == [7, 7, 7, 50]
+    now = 103.9
+    assert [longest.over(seconds) for seconds in (0, 0.5, 1.5, 2.5)] == [7, 7, 7, 7]
+    now = 104.4
+    assert [longest.over(seconds) for seconds in (0.3, 0.5, 1.5, 3.5)] == [0, 7, 7, 50]
+    now = 104.0
+    longest.add(1.0)
+    assert longest.over() == 7  # three seconds are kept
+
+
+def test_something_runs_until_its_last_part_has_ended() -> None:
+    activity = Activity()
+    before = time.monotonic()
+    assert not activity.since(before)
+    with activity.running():
+        with activity.running():
+            pass
+        assert activity.since(time.monotonic() + 1)
+    assert activity.since(before)
+    assert not activity.since(time.monotonic() + 1)
+
+
+def test_status_tells_rates_stages_and_counts() -> None:
+    async def scenario() -> None:
+        screen = Screen()
+        async with Live(FakeCore) as live:
+            assert live.status()["source"] is None
+            await live.open(SOURCE)
+            for i in range(3):
+                await live.offer(a_frame(i))
+            with live.viewer("a", VIEW) as viewer:
+                watching = screen.watch(viewer)
+                for tag in range(3):
+                    look(viewer, tag)
+                    await until(lambda tag=tag: len(screen.seen) == tag + 1)
+                status = live.status()
+                watching.cancel()
+            assert status["source"] == {"name": "test", "fps": 30.0, "cameras": ["v0", "v1"]}
+            assert status["frames"] == {"updated": 3, "dropped": 0, "failed": 0}
+            assert status["viewers"]["a"]["rendered"] == 3
+            assert status["rates"]["f_vin"] > 0
+            assert status["rates"]["f_ren"] > 0
+            assert {"update.background", "update.total", "render.warp", "render.encode"} <= set(
+                status["stages_ms"]
+            )
+            assert status["engine"] == {"frame_index": 2}
+            assert 0 < status["stages_ms"]["picture"]["p50"] <= status["pictures"]["longest_picture_ms"]
+
+    run(scenario)
+
+
+def test_timings_are_percentiles_of_the_newest() -> None:
+    timings = Timings(keep=100)
+    for value in [1e9, *range(1, 101)]:
+        timings.add({"warp": value}, "render.")
+    assert timings.summary() == {
+        "render.warp": {"p50": pytest.approx(50.5), "p95": pytest.approx(np.percentile(range(1, 101), 95))}
+    }
+
+
+def test_rate_forgets() -> None:
+    rate = Rate(window_s=0.05)
+    assert rate.per_second() == 0
+    for _ in range(3):
+        rate.count()
+    assert rate.per_second() > 0
+    time.sleep(0.06)
+    assert rate.per_second() == 0

@@ -1,0 +1,148 @@
+"""The page in a browser: it shows the stream, keys move the head, a lost server is told."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import io
+import math
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from farside.clients.connection import connect
+from farside.engine.rig.viewer import StereoView
+from farside.server.pictures import encode_view
+from farside.server.protocol import FrameDone, SourceHello
+from PIL import Image
+from support.doubles import CAMERAS, FakeCore, a_frame, flat
+from support.serving import running
+
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = (
+    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    "--disable-component-update --disable-sync"
+)
+HANG_MS = 60_000
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytestmark = pytest.mark.skipif(not CHROMIUM.exists(), reason=f"there is no {CHROMIUM} (apt-get install chromium)")
+
+
+class Ramp(FakeCore):
+    """Pictures whose brightness follows the head: the page's picture tells where the head is."""
+
+    def render(self, view: StereoView, viewer: str | None = None):
+        pair = super().render(view, viewer)
+        ahead = view.pose.rotation()[:, 0]
+        shade = 500 + 200 * math.tanh(2 * view.pose.position[0]) + 100 * math.atan2(ahead[1], ahead[0])
+        for eye in (pair.left, pair.right):
+            ramp = np.linspace(-60, 60, view.left.width).astype(np.int64)
+            eye.texture = flat(view.left.width, view.left.height, 0)
+            eye.texture.y[:] = np.clip(int(shade) + ramp, 64, 940)
+        return pair
+
+
+@contextmanager
+def playing(url: str) -> Iterator[None]:
+    """A source that sent one frame and stays."""
+    ready, stop = threading.Event(), threading.Event()
+
+    async def source() -> None:
+        async with connect(url, SourceHello("walls", 30.0, CAMERAS)) as (peer, _):
+            for view in a_frame(6).views:
+                await peer.send(encode_view(view, 6))
+            await peer.receive(FrameDone)
+            ready.set()
+            await asyncio.to_thread(stop.wait, HANG_MS / 1000)
+
+    thread = threading.Thread(target=lambda: asyncio.run(source()))
+    thread.start()
+    try:
+        assert ready.wait(HANG_MS / 1000)
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+@pytest.fixture
+def page() -> Iterator[sync_api.Page]:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
+        page = browser.new_page(viewport={"width": 800, "height": 600})
+        page.set_default_timeout(HANG_MS)
+        yield page
+        browser.close()
+
+
+def shot(page: sync_api.Page) -> np.ndarray:
+    """The canvas' content, as the page holds it."""
+    data = page.evaluate("document.getElementById('picture').toDataURL().split(',')[1]")
+
+    with Image.open(io.BytesIO(base64.b64decode(data))) as image:
+        return np.asarray(image.convert("L")).astype(int)
+
+
+def wait_shown(page: sync_api.Page, pictures: int) -> None:
+    page.wait_for_function(f"globalThis.farside?.seen >= {pictures}")
+
+
+def test_it_shows_the_stream_and_keys_and_mouse_move_the_head(page: sync_api.Page) -> None:
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    with running(Ramp) as url, playing(url):
+        page.goto(url)
+        wait_shown(page, 3)
+        first = shot(page)
+        assert first.shape == (480, 640)
+        assert first.std() > 5  # a ramp, not a blank
+        assert "frame 6" in page.text_content("#figures")
+        assert page.text_content("#message") == ""
+
+        page.keyboard.down("KeyW")  # forward: brighter by 200 tanh(2 x)
+        page.wait_for_function("farside.seen > 0 && farside.moved > 0")
+        page.wait_for_timeout(800)
+        page.keyboard.up("KeyW")
+        forward = settled(page)
+        assert forward.mean() > first.mean() + 5
+
+        page.click("#home")
+        assert abs(settled(page).mean() - first.mean()) < 1
+        page.mouse.move(400, 300)
+        page.mouse.down()
+        page.mouse.move(500, 300, steps=5)  # the scene is dragged to the right: the head turns to the left
+        page.mouse.up()
+        assert settled(page).mean() > first.mean() + 3
+
+        page.select_option("#eyes", "both")
+        assert settled(page).shape == (480, 1280)
+    assert problems == []
+
+
+def settled(page: sync_api.Page) -> np.ndarray:
+    """The canvas after a few more pictures: no older pose is under way."""
+    wait_shown(page, page.evaluate("farside.seen") + 4)
+    return shot(page)
+
+
+def test_a_server_that_goes_is_told_and_found_again(page: sync_api.Page) -> None:
+    with running(Ramp) as url, playing(url):
+        page.goto(url)
+        wait_shown(page, 1)
+    page.wait_for_function("document.getElementById('message').textContent.includes('no connection')")
+    port = int(url.rsplit(":", 1)[1])
+    with running(Ramp, port=port) as again, playing(again):
+        page.wait_for_function("document.getElementById('message').textContent === ''")
+        wait_shown(page, 2)
+
+
+def test_a_refusal_is_shown(page: sync_api.Page) -> None:
+    with running(Ramp, token="sesame") as url:
+        page.goto(f"{url}/?token=wrong")
+        message = "token: another: expected the server's token"
+        page.wait_for_function(f"document.getElementById('message').textContent.includes(\"{message}\")")
+        page.goto(f"{url}/?token=sesame")
+        page.wait_for_function("document.getElementById('message').textContent === 'waiting for a source'")

@@ -1,0 +1,48 @@
+"""Small analytic scenes: a wall, and a box before it, seen by perspective cameras in a row."""
+
+from __future__ import annotations
+
+import numpy as np
+from farside.engine.rig.camera import Camera, Perspective, Pose
+from farside.engine.rig.depth import DepthCoding
+from farside.engine.rig.frame import Frame, Texture, View
+
+WALL_X, BOX_X = 4.0, 2.5
+WALL_Y, BOX_Y = 300, 800  # luma codes
+CODING = DepthCoding(0.5, 20.0, 16, has_invalid=True)
+
+
+def camera_row(count=3, size=(96, 64), spacing=0.4, fov=1.2):
+    """Cameras along y that look in direction x."""
+    projection = Perspective.from_fov(*size, fov)
+    return [
+        Camera(f"v{i}", projection, Pose((0.0, spacing * (i - (count - 1) / 2), 0.0)), CODING) for i in range(count)
+    ]
+
+
+def see(camera, box_y=None, half=0.3, *, wall=True):
+    """A view of the wall, and of a square of the given half size at BOX_X where `box_y` is given."""
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
+    start, rays = np.array(camera.pose.position), camera.unproject(np.stack([u, v], -1), np.ones_like(u))
+    rays = rays - start
+    depth, luma = np.full(u.shape, np.nan), np.full(u.shape, 0)
+    if wall:
+        depth, luma = (WALL_X - start[0]) / rays[..., 0], np.full(u.shape, WALL_Y)
+    if box_y is not None:
+        t = (BOX_X - start[0]) / rays[..., 0]
+        at = start + t[..., None] * rays
+        on_box = (np.abs(at[..., 1] - box_y) < half) & (np.abs(at[..., 2]) < half) & (t > 0)
+        depth, luma = np.where(on_box, t, depth), np.where(on_box, BOX_Y, luma)
+    return View(camera, texture_of(luma), camera.depth.codes(depth))
+
+
+def texture_of(luma):
+    """A texture with the given luma, and chroma that says the same: half of it, and half of it plus one."""
+    luma = np.asarray(luma, np.uint16)
+    chroma = luma[::2, ::2] // 2
+    return Texture(luma, chroma, (chroma + 1).astype(np.uint16))
+
+
+def frame(index, cameras, box_y=None, **options):
+    """All cameras' views at one instant."""
+    return Frame(index, tuple(see(camera, box_y, **options) for camera in cameras))

@@ -1,0 +1,39 @@
+"""A real server on a free port of this machine, in a thread."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from farside.clients.serve import listen
+from farside.engine.live.engine import Core, Source
+from farside.server.app import make_server
+from farside.server.settings import ServerSettings
+
+__all__ = ["running"]
+
+HANG_S = 60.0
+
+
+@contextmanager
+def running(make_core: Callable[[Source], Core] | None = None, **given: Any) -> Iterator[str]:
+    """Its address; when the block ends the server has shut down in order."""
+    settings = ServerSettings(**({"port": 0} | given))
+    server = make_server(settings, make_core)
+    with listen(settings) as listening:
+        host, port = listening.getsockname()[:2]
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+        thread.start()
+        try:
+            deadline = time.monotonic() + HANG_S
+            while not server.started and thread.is_alive() and time.monotonic() < deadline:
+                time.sleep(0.005)
+            assert server.started
+            yield f"http://{host}:{port}"
+        finally:
+            server.should_exit = True
+            thread.join(HANG_S)
+            assert not thread.is_alive(), "the server did not shut down"

@@ -1,0 +1,16 @@
+"""Where the shared test material lies: beside the checkout, or at FARSIDE_SHARED; no part of the project."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+__all__ = ["SHARED", "needs_shared"]
+
+SHARED = Path(os.environ.get("FARSIDE_SHARED", Path(__file__).parents[3] / "shared"))
+
+needs_shared = pytest.mark.skipif(
+    not (SHARED / "tmiv").is_dir(), reason=f"the shared sequences are not at {SHARED} (set FARSIDE_SHARED)"
+)
