@@ -30,10 +30,10 @@ from ..kernels.background.exposure import gather_samples, solve_tones, weigh_sam
 from ..kernels.base.tone import TONE_SIZE
 from ..rig.camera import Camera
 from ..rig.selection import likely_views, select_views
+from ..support.array_types import F64
 
 __all__ = ["LIKELY", "Exposure", "packed", "to_common", "to_picture"]
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _NEIGHBOURS = 4  # views that each view is compared with
@@ -130,7 +130,7 @@ class Exposure:
             self._neighbours[k] = others
 
 
-def _solve(overlap: _Overlap, state: FloatArray, expected: FloatArray) -> FloatArray:
+def _solve(overlap: _Overlap, state: F64, expected: F64) -> F64:
     """One round of reweighting: the tones [n, 3, 3] of least squares, by the weights that `state` gives."""
     count, pairs = len(state), len(overlap.pairs)
     nodes = np.minimum(overlap.pairs, count)  # all of the model is one more node
@@ -138,13 +138,13 @@ def _solve(overlap: _Overlap, state: FloatArray, expected: FloatArray) -> FloatA
     information, evidence = np.empty((pairs, 3, 3, 3)), np.empty((pairs, 3, 3))
     weigh_samples(overlap.samples, overlap.counts, nodes, tones, information, evidence)
     weights = np.where(nodes[:, 1] == count, _MODEL_WEIGHT, 1.0)
-    off: FloatArray = expected - _NEUTRAL
+    off: F64 = expected - _NEUTRAL
     solve_tones(information, evidence, nodes, weights, 1.0 / _EXPECTED**2, off)
     off += _NEUTRAL
     return off
 
 
-def _matrices(state: FloatArray) -> FloatArray:  # [n, 3, 3] -> [n, 4, 4]
+def _matrices(state: F64) -> F64:  # [n, 3, 3] -> [n, 4, 4]
     """Tones as affine maps of (Y', Cb, Cr, 1) about black and grey."""
     out = np.zeros((len(state), 4, 4))
     out[:, [0, 1, 2], [0, 1, 2]] = state[:, :, 0]
@@ -154,19 +154,19 @@ def _matrices(state: FloatArray) -> FloatArray:  # [n, 3, 3] -> [n, 4, 4]
     return out
 
 
-def to_common(tones: FloatArray) -> FloatArray:  # [n, 4, 4] -> [n, TONE_SIZE]
+def to_common(tones: F64) -> F64:  # [n, 4, 4] -> [n, TONE_SIZE]
     """What turns each view's colours into the common tone, packed."""
     return packed(np.asarray(np.linalg.inv(tones), np.float64))
 
 
-def to_picture(tones: FloatArray, shares: FloatArray) -> FloatArray:  # [n, 4, 4], [n] -> [n + 1, TONE_SIZE]
+def to_picture(tones: F64, shares: F64) -> F64:  # [n, 4, 4], [n] -> [n + 1, TONE_SIZE]
     """What turns each view's colours into the views' mean tone, by their shares (sum 1), packed; last, the model's."""
     mean = np.einsum("n,nij->ij", shares, tones)
-    to_mean: FloatArray = mean @ np.concatenate([np.linalg.inv(tones), np.eye(4)[None]])
+    to_mean: F64 = mean @ np.concatenate([np.linalg.inv(tones), np.eye(4)[None]])
     return packed(to_mean)
 
 
-def packed(matrices: FloatArray) -> FloatArray:  # [n, 4, 4] -> [n, TONE_SIZE]
+def packed(matrices: F64) -> F64:  # [n, 4, 4] -> [n, TONE_SIZE]
     """Affine maps about black and grey as maps of codes, for `kernels.base.tone`."""
     out = np.empty((len(matrices), TONE_SIZE))
     offset = matrices[:, :3, 3] + _CENTRE - matrices[:, :3, :3] @ _CENTRE

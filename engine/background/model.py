@@ -18,11 +18,11 @@ from ..geometry.triangulation import triangulate
 from ..io.mesh_files import ColouredMesh, srgb_from_ycbcr
 from ..kernels.background.pbi import render_background, sample_colours
 from ..kernels.background.triangle_filter import accept_candidates, clear_culled, inherit_marks, paint_triangles
-from ..kernels.base.project import CAMERA_SIZE
 from ..kernels.base.tone import IDENTITY
 from ..rig.camera import Camera
 from ..rig.frame import Frame, Texture, View
 from ..settings import Settings
+from ..support.packed import CAMERA_SIZE
 from ..support.stages import Stages, timed
 from .changed_directions import ChangedDirections
 from .coverage import Coverage, choose_views

@@ -16,11 +16,10 @@ from ..rig.camera import Camera
 from ..rig.depth import DepthCoding
 from ..rig.frame import View
 from ..settings import Settings
+from ..support.array_types import F64, U16
 
 __all__ = ["Tolerances", "sampled_disparity", "scene_tolerances", "with_noise"]
 
-U16 = npt.NDArray[np.uint16]
-F64 = npt.NDArray[np.float64]
 
 # Two surfaces closer than this share of the typical depth are taken as one: calibration and estimation of depth are off
 # by less. 0.2 m (the paper) at 10 m.

@@ -15,11 +15,11 @@ from ..kernels.background.hidden import CELL, flag_unseen, mark_seen, spread_see
 from ..kernels.base.tolerance import Slack
 from ..rig.camera import Camera, Equirectangular, Pose
 from ..rig.depth import DepthCoding
+from ..support.array_types import F64
 from .pbs import ProbableBackgroundSurface, Surface
 
 __all__ = ["ViewingSpace", "flag_hidden"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _ALL_ROUND = Equirectangular(8192, 4096, (-math.pi, math.pi), (-math.pi / 2, math.pi / 2))
 _FEW = 8  # of so many eyes one is asked first
@@ -56,7 +56,7 @@ class ViewingSpace:
         faces = self.sees(mesh)
         return mesh if faces.all() else mesh.only(faces)
 
-    def eyes(self) -> FloatArray:  # [n, CAMERA_SIZE]
+    def eyes(self) -> F64:  # [n, CAMERA_SIZE]
         """Packed cameras that look all round: in the middle, halfway out, and at the corners of a body that holds the
         ball. What a straight edge hides from all corners it hides from the ball."""
         near, around = _icosahedron(), _geodesic()
@@ -68,7 +68,7 @@ class ViewingSpace:
 
 def flag_hidden(
     space: ViewingSpace, pbs: ProbableBackgroundSurface, surfaces: Sequence[tuple[Camera, Surface]],
-    table: FloatArray, codes: npt.NDArray[np.int64], slack: Slack,
+    table: F64, codes: npt.NDArray[np.int64], slack: Slack,
 ) -> tuple[int, int]:  # fmt: skip
     """Flags triangles of surfaces (each with the camera that it stems from) as invalid that other background hides
     from all of the space; returns how many, and the rays cast.
@@ -97,7 +97,7 @@ def flag_hidden(
     return int(hidden), int(rays)
 
 
-def _icosahedron() -> FloatArray:  # [12, 3]
+def _icosahedron() -> F64:  # [12, 3]
     """Its corners, on the unit sphere."""
     golden = 0.5 * (1.0 + math.sqrt(5.0))
     signs = itertools.product((-1.0, 1.0), (-golden, golden))
@@ -105,7 +105,7 @@ def _icosahedron() -> FloatArray:  # [12, 3]
     return corners / math.hypot(1.0, golden)
 
 
-def _geodesic() -> FloatArray:  # [42, 3]
+def _geodesic() -> F64:  # [42, 3]
     """Corners of a body of 80 triangles that holds the unit ball: an icosahedron's and those over its edges."""
     corners = _icosahedron()
     edge = np.linalg.norm(corners[:, None] - corners, axis=-1)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from ..background.exposure import packed
 from ..pipeline.engine import Engine
 from ..rig.frame import Frame, Texture
 from ..rig.texture import toned_texture
 from ..settings import Settings
+from ..support.array_types import F64
 from ..synth import make_twin, twin_frame
 from .metrics import iv_psnr, psnr
 
@@ -25,7 +25,6 @@ __all__ = [
     "without_gain",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 _REPEATS = 8
 _GREY = np.array([438.0, 0.0, 0.0, 1.0])  # the middle of luma's range, relative to black and grey
@@ -49,12 +48,12 @@ class ExposureReport:
     """
 
     rows: list[ExposureRow]
-    before: FloatArray
-    after: FloatArray
+    before: F64
+    after: F64
     update_ms: float
 
 
-def random_tones(count: int, seed: int, gain: float = 0.15, balance: float = 0.04) -> FloatArray:  # [count, 4, 4]
+def random_tones(count: int, seed: int, gain: float = 0.15, balance: float = 0.04) -> F64:  # [count, 4, 4]
     """Tones with gains up to 1 +- gain, tints up to +- balance, and a few codes of luma offset."""
     rng = np.random.default_rng(seed)
     tones = np.tile(np.eye(4), (count, 1, 1))
@@ -64,16 +63,16 @@ def random_tones(count: int, seed: int, gain: float = 0.15, balance: float = 0.0
     return tones
 
 
-def misexposed(frame: Frame, tones: FloatArray) -> Frame:
+def misexposed(frame: Frame, tones: F64) -> Frame:
     """The frame as cameras with other tones [n, 4, 4] would have seen it."""
     views = zip(frame.views, packed(tones), strict=True)
     return replace(frame, views=tuple(replace(view, texture=toned_texture(view.texture, tone)) for view, tone in views))
 
 
-def tone_errors(tones: FloatArray, truth: FloatArray) -> FloatArray:  # [n, 4, 4] each -> [n, 3]
+def tone_errors(tones: F64, truth: F64) -> F64:  # [n, 4, 4] each -> [n, 3]
     """How far views are from each other at mid grey, brought to the common tone: code values off their mean."""
     shown = (np.linalg.inv(tones) @ truth @ _GREY)[:, :3]
-    errors: FloatArray = shown - shown.mean(axis=0)
+    errors: F64 = shown - shown.mean(axis=0)
     return errors
 
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ..io.tmiv import Sequence as TmivSequence
 from ..pipeline.engine import Engine
 from ..settings import Settings
+from ..support.array_types import F64
 from .peers import nearest_views
 
 __all__ = ["KINDS", "HoleSample", "compare_fills", "similarity"]
@@ -19,8 +20,6 @@ __all__ = ["KINDS", "HoleSample", "compare_fills", "similarity"]
 KINDS = ("smooth", "structure")
 _PEAK = 1023.0
 _WINDOW = np.exp(-0.5 * (np.arange(-5, 6) / 1.5) ** 2)  # of structural similarity
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,18 +65,18 @@ def compare_fills(
                         yield HoleSample(name, index, kind, float(holes.mean()), float(error), alike)
 
 
-def similarity(picture: npt.NDArray[np.uint16], other: npt.NDArray[np.uint16]) -> FloatArray:
+def similarity(picture: npt.NDArray[np.uint16], other: npt.NDArray[np.uint16]) -> F64:
     """Structural similarity of 10-bit luma [h, w] round each pixel (Wang et al. 2004), mirrored at the borders."""
     a, b = picture.astype(np.float64), other.astype(np.float64)
     mean_a, mean_b = _blurred(a), _blurred(b)
     var_a, var_b = _blurred(a * a) - mean_a**2, _blurred(b * b) - mean_b**2
     both = _blurred(a * b) - mean_a * mean_b
     c1, c2 = (0.01 * _PEAK) ** 2, (0.03 * _PEAK) ** 2
-    alike: FloatArray = (2 * mean_a * mean_b + c1) * (2 * both + c2)
+    alike: F64 = (2 * mean_a * mean_b + c1) * (2 * both + c2)
     return alike / ((mean_a**2 + mean_b**2 + c1) * (var_a + var_b + c2))
 
 
-def _blurred(plane: FloatArray) -> FloatArray:
+def _blurred(plane: F64) -> F64:
     for axis in (0, 1):
         half = len(_WINDOW) // 2
         padded = np.pad(plane, [(half, half) if a == axis else (0, 0) for a in (0, 1)], mode="symmetric")

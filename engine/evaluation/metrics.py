@@ -17,6 +17,7 @@ from ..kernels.evaluation.metrics import match_errors, similarity_rows
 from ..rig.camera import Camera, Equirectangular
 from ..rig.frame import Texture
 from ..support import runtime
+from ..support.array_types import F64
 
 __all__ = ["Erp", "erp_range", "iv_psnr", "psnr", "ssim", "ws_psnr"]
 
@@ -25,7 +26,6 @@ UNNOTICEABLE = 0.01  # of the peak: the largest global colour difference that is
 WINDOW, SIGMA, K1, K2 = 11, 1.5, 0.01, 0.03  # SSIM: pixels each way, standard deviation in pixels, constants
 
 Erp = tuple[float, float]  # horizontal and vertical range of an equirectangular picture, degrees
-FloatArray = npt.NDArray[np.float64]
 
 
 def erp_range(camera: Camera) -> Erp | None:
@@ -95,7 +95,7 @@ def _full(texture: Texture) -> npt.NDArray[np.uint16]:  # [3, h, w]
     return np.stack([texture.y, *chroma])
 
 
-def _row_weights(height: int, erp: Erp) -> FloatArray:  # [h]
+def _row_weights(height: int, erp: Erp) -> F64:  # [h]
     """Cosines of the rows' elevations, the range centred on the horizon."""
     if not (0 < erp[0] <= 360 and 0 < erp[1] <= 180):
         raise ValueError(f"erp: {erp!r}: expected horizontal and vertical ranges up to 360 and 180 degrees")

@@ -16,10 +16,10 @@ import numpy.typing as npt
 from ..kernels.evaluation.silhouettes import FINE, silhouette_offsets, thin_structures
 from ..rig.camera import Camera
 from ..rig.frame import Texture, View
+from ..support.array_types import F64
 
 __all__ = ["SilhouetteFigures", "fine_camera", "judge_silhouettes"]
 
-FloatArray = npt.NDArray[np.float64]
 
 STEP = 0.05  # relative step of disparity from sample to sample that makes a silhouette
 CONTRAST = 0.05  # of the light of white between the sides, at least
@@ -64,13 +64,13 @@ def judge_silhouettes(fine: View, texture: Texture, rendered: npt.NDArray[np.flo
     return SilhouetteFigures(bias, roughness, count, float(found.mean()) if found.size else math.nan, found.size)
 
 
-def _light(texture: Texture) -> FloatArray:
+def _light(texture: Texture) -> F64:
     """Light of luma codes, 1 for white."""
-    light: FloatArray = np.maximum((texture.y.astype(np.float64) - BLACK) / (WHITE - BLACK), 0.0) ** 2
+    light: F64 = np.maximum((texture.y.astype(np.float64) - BLACK) / (WHITE - BLACK), 0.0) ** 2
     return light
 
 
-def _bias_and_roughness(offsets: FloatArray) -> tuple[float, float, int]:
+def _bias_and_roughness(offsets: F64) -> tuple[float, float, int]:
     """Mean, RMS about the mean of each place's square of neighbours, and number of the offsets that are not nan."""
     there = ~np.isnan(offsets)
     counts, sums = _box_sums(there.astype(float)), _box_sums(np.where(there, offsets, 0.0))
@@ -84,7 +84,7 @@ def _bias_and_roughness(offsets: FloatArray) -> tuple[float, float, int]:
     return float(offsets[there].mean()), math.sqrt(float(squares.mean())), count
 
 
-def _box_sums(values: FloatArray) -> FloatArray:
+def _box_sums(values: F64) -> F64:
     """Sums over squares of 2 _NEIGHBOURS + 1 pixels a side about each pixel."""
     for axis in (0, 1):
         margin = [(_NEIGHBOURS + 1, _NEIGHBOURS) if a == axis else (0, 0) for a in (0, 1)]
@@ -95,7 +95,7 @@ def _box_sums(values: FloatArray) -> FloatArray:
     return values
 
 
-def _thin(disparity: FloatArray, rendered: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+def _thin(disparity: F64, rendered: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
     """For each pixel whose middle shows a thin structure, whether what was rendered there is at its depth."""
     behind = thin_structures(disparity, STEP, THIN_PX * FINE)
     h, w = rendered.shape

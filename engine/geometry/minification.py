@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from ..kernels.geometry import minify as kernels
 from ..rig.camera import Camera, Perspective, Projection
+from ..support.array_types import U16
 from .triangulation import TriangulationOptions, depth_cuts
 
 __all__ = ["MOST_LEVELS", "Level", "halved", "level_for"]
@@ -21,8 +22,6 @@ __all__ = ["MOST_LEVELS", "Level", "halved", "level_for"]
 MOST_LEVELS = 3  # beyond the full size
 # Texels that large, in pixels, still show more by not aliasing than they hide by blurring.
 _LARGEST_PX = 1.15
-
-U16 = npt.NDArray[np.uint16]
 
 
 @dataclass(frozen=True, slots=True)

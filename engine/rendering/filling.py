@@ -14,6 +14,7 @@ from ..kernels.rendering import fill as kernels
 from ..kernels.rendering import structure
 from ..kernels.rendering.tiles import TILE
 from ..rig.camera import Camera
+from ..support.array_types import I32
 from .tiles import HoleMap, Tiles
 
 __all__ = ["fill", "rise_per_pixel"]
@@ -25,7 +26,6 @@ _BLOCK = 64  # pixels a side: a block without holes, beside none that has any, g
 _FEW = 50_000  # elements of a level below which threads cost more than they bring
 
 Plane = npt.NDArray[np.float32]
-I32 = npt.NDArray[np.int32]
 
 
 def rise_per_pixel(target: Camera, views: Sequence[Camera]) -> float:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ..geometry.prepared_view import pixels_per_radian
 from ..rig.camera import Camera
+from ..support.array_types import F32
 
 __all__ = ["Settler"]
 
@@ -19,8 +20,6 @@ _STAYS = 0.85  # of a pixel's last colour, each picture
 _CHANGE = 64.0  # codes by which a colour may differ from the last one and still count as the same: else it is news
 _SHIFT_PX = 0.5  # how far what is seen may have moved for the head to count as still
 _VIEWERS = 32  # whose holes are kept; those not seen for longest are forgotten
-
-F32 = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)

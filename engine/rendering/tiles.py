@@ -10,12 +10,11 @@ import numpy.typing as npt
 from ..kernels.base.simd import BEYOND
 from ..kernels.rendering import tiles as kernels
 from ..kernels.rendering.tiles import TILE
+from ..support.array_types import F32, I32
 
 __all__ = ["EVERYWHERE", "HoleMap", "Tiles", "new_tiles"]
 
 Tiles = npt.NDArray[np.uint8]
-F32 = npt.NDArray[np.float32]
-I32 = npt.NDArray[np.int32]
 
 EVERYWHERE: Tiles = np.empty((0, 0), np.uint8)  # no tiles: nothing is passed over
 

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..kernels.base.project import CAMERA_SIZE, EQUIRECTANGULAR, PERSPECTIVE
+from ..support.array_types import F64
+from ..support.packed import CAMERA_SIZE, EQUIRECTANGULAR, PERSPECTIVE
 from .depth import DepthCoding
 
 __all__ = ["Camera", "Equirectangular", "Perspective", "Pose", "Projection"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +68,13 @@ class Perspective:
         sx, sy = width / self.width, height / self.height
         return Perspective(width, height, self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy)
 
-    def directions(self, uv: npt.ArrayLike) -> FloatArray:  # [..., 2] -> [..., 3]
+    def directions(self, uv: npt.ArrayLike) -> F64:  # [..., 2] -> [..., 3]
         """Camera-frame directions with x = 1: multiplied by the z-depth they give the point."""
         uv = np.asarray(uv, np.float64)
         y, z = (self.cx - uv[..., 0]) / self.fx, (self.cy - uv[..., 1]) / self.fy
         return np.stack([np.ones_like(y), y, z], axis=-1)
 
-    def project(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:  # [..., 3] -> [..., 2], [...]
+    def project(self, points: npt.ArrayLike) -> tuple[F64, F64]:  # [..., 3] -> [..., 2], [...]
         """Pixel coordinates and z-depth of camera-frame points; nan where the depth is not positive."""
         points = np.asarray(points, np.float64)
         x = np.where(points[..., 0] > 0, points[..., 0], np.nan)
@@ -118,7 +117,7 @@ class Equirectangular:
         """The same picture at another resolution (sizes rounded to even numbers)."""
         return dataclasses.replace(self, width=_even(self.width * scale), height=_even(self.height * scale))
 
-    def directions(self, uv: npt.ArrayLike) -> FloatArray:  # [..., 2] -> [..., 3]
+    def directions(self, uv: npt.ArrayLike) -> F64:  # [..., 2] -> [..., 3]
         """Camera-frame unit directions: multiplied by the range they give the point."""
         uv = np.asarray(uv, np.float64)
         phi = self.hor_range[1] - uv[..., 0] * (self.hor_range[1] - self.hor_range[0]) / self.width
@@ -127,7 +126,7 @@ class Equirectangular:
             [np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), np.sin(theta)], axis=-1
         )
 
-    def project(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:  # [..., 3] -> [..., 2], [...]
+    def project(self, points: npt.ArrayLike) -> tuple[F64, F64]:  # [..., 3] -> [..., 2], [...]
         """Pixel coordinates and range of camera-frame points, the azimuth wrapped about the picture's middle."""
         points = np.asarray(points, np.float64)
         middle = 0.5 * (self.hor_range[0] + self.hor_range[1])
@@ -195,7 +194,7 @@ class Pose:
         x, y, z = (float(c) for c in m[:3, 3])
         return cls((x, y, z), (float(q[0]), float(q[1]), float(q[2]), float(q[3])))
 
-    def rotation(self) -> FloatArray:  # [3, 3]
+    def rotation(self) -> F64:  # [3, 3]
         """The rotation matrix, world from camera."""
         w, x, y, z = self.orientation
         return np.array(
@@ -232,12 +231,12 @@ class Camera:
         """Picture height, pixels."""
         return self.projection.height
 
-    def project(self, points_in_world: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def project(self, points_in_world: npt.ArrayLike) -> tuple[F64, F64]:
         """[..., 3] world points, metres -> [..., 2] pixels and [...] depth (z-depth or range, as the projection)."""
         local = (np.asarray(points_in_world, np.float64) - self.pose.position) @ self.pose.rotation()
         return self.projection.project(local)
 
-    def unproject(self, uv: npt.ArrayLike, depth: npt.ArrayLike) -> FloatArray:
+    def unproject(self, uv: npt.ArrayLike, depth: npt.ArrayLike) -> F64:
         """[..., 2] pixels and [...] depth in metres -> [..., 3] world points."""
         local = self.projection.directions(uv) * np.asarray(depth, np.float64)[..., None]
         return local @ self.pose.rotation().T + self.pose.position
@@ -247,7 +246,7 @@ class Camera:
         """Whether its picture's columns begin again where they end."""
         return isinstance(self.projection, Equirectangular) and self.projection.wraps
 
-    def packed(self, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:  # [CAMERA_SIZE]
+    def packed(self, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> F64:  # [CAMERA_SIZE]
         """The camera as kernels read it (layout: `kernels.base.project`), positions relative to `origin`, metres."""
         out = np.zeros(CAMERA_SIZE)
         p = self.projection

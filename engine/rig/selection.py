@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from ..kernels.base.project import PERSPECTIVE
+from ..support.array_types import F64
+from ..support.packed import PERSPECTIVE
 from .camera import Camera
 
 __all__ = ["likely_views", "select_views", "view_shares"]
@@ -19,8 +20,6 @@ _GRID, _COARSE = 8, 2  # sample rays across and down a picture, to choose by and
 _FEW, _MOST = 0.25, 512
 _ANGLE = 0.1  # radians between two cameras' rays to a point at which a view has lost half its worth
 _NEAREST = 0.005  # radians below which a view does not come nearer
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: Sequence[float]) -> list[int]:
@@ -47,7 +46,7 @@ def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: 
     return chosen
 
 
-def likely_views(target: Camera, packed: FloatArray, count: int, depths: Sequence[float]) -> list[int]:
+def likely_views(target: Camera, packed: F64, count: int, depths: Sequence[float]) -> list[int]:
     """Indices of `count` of many cameras (packed [n, CAMERA_SIZE]) that `select_views` may choose for `target`.
 
     A first cut, by what the cameras are worth to a few points on the target's rays and, where that says nothing, by
@@ -59,7 +58,7 @@ def likely_views(target: Camera, packed: FloatArray, count: int, depths: Sequenc
     return sorted(order[:count].tolist())
 
 
-def view_shares(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> FloatArray:  # [cameras]
+def view_shares(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> F64:  # [cameras]
     """The cameras' shares of `target`'s picture, in sum 1, if all were blended by nearness in direction.
 
     They change smoothly with the target, whichever views are chosen. Where no camera sees anything they are equal.
@@ -69,24 +68,24 @@ def view_shares(target: Camera, cameras: Sequence[Camera], depths: Sequence[floa
     total = weight.sum(axis=0)
     if not total.any():
         return np.full(len(cameras), 1.0 / len(cameras))
-    shares: FloatArray = (weight[:, total > 0] / total[total > 0]).mean(axis=1)
+    shares: F64 = (weight[:, total > 0] / total[total > 0]).mean(axis=1)
     return shares
 
 
-def _worth(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> FloatArray:
+def _worth(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> F64:
     """Worth [cameras, samples] of cameras to points on the target's rays: 0 outside a camera's picture."""
     return _worth_at(*_seen(target, tuple(cameras), tuple(depths)))
 
 
-def _worth_at(inside: npt.NDArray[np.bool_], angle: FloatArray) -> FloatArray:
-    worth: FloatArray = inside / (1.0 + (angle / _ANGLE) ** 2)
+def _worth_at(inside: npt.NDArray[np.bool_], angle: F64) -> F64:
+    worth: F64 = inside / (1.0 + (angle / _ANGLE) ** 2)
     return worth
 
 
 @lru_cache(maxsize=8)  # choice and shares of a picture ask for the same
 def _seen(
     target: Camera, cameras: tuple[Camera, ...], depths: tuple[float, ...]
-) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+) -> tuple[npt.NDArray[np.bool_], F64]:
     """Which cameras see points on the target's rays, and the angle between both rays, radians [cameras, samples]."""
     points, packed = _on_rays(target, depths), _packed(cameras)
     inside = _inside(packed, points - packed[:, None, 16:19])
@@ -97,7 +96,7 @@ def _seen(
     return _looks(target, packed, points)
 
 
-def _looks(target: Camera, packed: FloatArray, points: FloatArray) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+def _looks(target: Camera, packed: F64, points: F64) -> tuple[npt.NDArray[np.bool_], F64]:
     """Which packed cameras see points [samples, 3], and the angle between their and the target's rays, radians."""
     to_points, from_target = points - packed[:, None, 16:19], points - np.asarray(target.pose.position)
     inside = _inside(packed, to_points)
@@ -106,7 +105,7 @@ def _looks(target: Camera, packed: FloatArray, points: FloatArray) -> tuple[npt.
     return inside, np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
-def _on_rays(camera: Camera, depths: Sequence[float], grid: int = _GRID) -> FloatArray:  # [samples, 3]
+def _on_rays(camera: Camera, depths: Sequence[float], grid: int = _GRID) -> F64:  # [samples, 3]
     """World points on a grid of a camera's rays."""
     steps = (np.arange(grid) + 0.5) / grid
     u, v = np.meshgrid(steps * camera.width, steps * camera.height)
@@ -115,11 +114,11 @@ def _on_rays(camera: Camera, depths: Sequence[float], grid: int = _GRID) -> Floa
 
 
 @lru_cache(maxsize=8)
-def _packed(cameras: tuple[Camera, ...]) -> FloatArray:  # [cameras, CAMERA_SIZE]
+def _packed(cameras: tuple[Camera, ...]) -> F64:  # [cameras, CAMERA_SIZE]
     return np.stack([camera.packed() for camera in cameras])
 
 
-def _inside(cameras: FloatArray, to_points: FloatArray) -> npt.NDArray[np.bool_]:
+def _inside(cameras: F64, to_points: F64) -> npt.NDArray[np.bool_]:
     """Whether points, given relative to each packed camera [cameras, samples, 3], fall into its picture."""
     packed = cameras[:, None]
     local = to_points @ cameras[:, 7:16].reshape(-1, 3, 3)

@@ -6,15 +6,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from ..kernels.synth.patterns import MATERIAL_SIZE
 from ..kernels.synth.trace import BOX, CAPSULE, CYLINDER, ELLIPSOID, PART_SIZE
+from ..support.array_types import F64
 
 __all__ = ["Group", "Palette", "Part", "box", "capsule", "cylinder", "ellipsoid", "pack", "placed", "turn"]
 
-FloatArray = npt.NDArray[np.float64]
-Vector = Sequence[float] | FloatArray
+Vector = Sequence[float] | F64
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +22,8 @@ class Part:
 
     kind: int
     material: int
-    centre: FloatArray  # [3]
-    rotation: FloatArray  # [3, 3]
+    centre: F64  # [3]
+    rotation: F64  # [3, 3]
     size: tuple[float, float, float]
 
     def radius(self) -> float:
@@ -36,7 +35,7 @@ class Part:
             return max(self.size)
         return a + c if self.kind == CAPSULE else float(np.hypot(a, c))
 
-    def row(self) -> FloatArray:  # [PART_SIZE]
+    def row(self) -> F64:  # [PART_SIZE]
         """The part as the ray tracer reads it."""
         radius = self.radius() * (1 + 1e-9)  # rounding must not drop a ray that grazes the sphere
         return np.array([*self.centre, radius, self.kind, *self.rotation.ravel(), *self.size, self.material])
@@ -50,7 +49,7 @@ class Palette:
 
     def __init__(self, seed: int = 0) -> None:
         self._seed = seed
-        self._rows: list[FloatArray] = []
+        self._rows: list[F64] = []
 
     def add(
         self,
@@ -67,27 +66,27 @@ class Palette:
         )
         return len(self._rows) - 1
 
-    def packed(self) -> FloatArray:  # [k, MATERIAL_SIZE]
+    def packed(self) -> F64:  # [k, MATERIAL_SIZE]
         """All materials as the ray tracer reads them."""
         return np.array(self._rows, np.float64).reshape(-1, MATERIAL_SIZE)
 
 
-def turn(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> FloatArray:  # [3, 3]
+def turn(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> F64:  # [3, 3]
     """Rz(yaw) Ry(pitch) Rx(roll), radians."""
     (cy, cp, cr), (sy, sp, sr) = np.cos([yaw, pitch, roll]), np.sin([yaw, pitch, roll])
     z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    result: FloatArray = z @ y @ x
+    result: F64 = z @ y @ x
     return result
 
 
-def box(material: int, centre: Vector, size: Vector, rotation: FloatArray | None = None) -> Part:
+def box(material: int, centre: Vector, size: Vector, rotation: F64 | None = None) -> Part:
     """A box from its full edge lengths."""
     return _solid(BOX, material, centre, tuple(0.5 * s for s in size), rotation)
 
 
-def ellipsoid(material: int, centre: Vector, size: Vector, rotation: FloatArray | None = None) -> Part:
+def ellipsoid(material: int, centre: Vector, size: Vector, rotation: F64 | None = None) -> Part:
     """An ellipsoid from its half axes."""
     return _solid(ELLIPSOID, material, centre, tuple(size), rotation)
 
@@ -118,7 +117,7 @@ def placed(group: Iterable[Part], position: Vector, yaw: float = 0.0) -> Group:
     ]
 
 
-def pack(groups: Sequence[Group]) -> tuple[FloatArray, FloatArray]:  # [n, PART_SIZE], [m, 6]
+def pack(groups: Sequence[Group]) -> tuple[F64, F64]:  # [n, PART_SIZE], [m, 6]
     """Parts and bounding spheres of groups as the ray tracer reads them."""
     parts = [part.row() for group in groups for part in group]
     spheres, start = np.zeros((len(groups), 6)), 0
@@ -133,7 +132,7 @@ def pack(groups: Sequence[Group]) -> tuple[FloatArray, FloatArray]:  # [n, PART_
 
 
 def _solid(
-    kind: int, material: int, centre: Vector, size: tuple[float, ...], rotation: FloatArray | None
+    kind: int, material: int, centre: Vector, size: tuple[float, ...], rotation: F64 | None
 ) -> Part:
     rotation = np.eye(3) if rotation is None else rotation
     a, b, c = (float(s) for s in size)

@@ -7,13 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from ..support.array_types import F64
 from .parts import Group, box, capsule, ellipsoid, placed, turn
 
 __all__ = ["Actor", "Clothes", "Path", "ball", "carton", "frog", "person", "stander", "walker"]
 
-FloatArray = npt.NDArray[np.float64]
 Actor = Callable[[float], Group]  # seconds -> what it looks like then
 
 
@@ -36,7 +35,7 @@ class Path:
     speed: float
     start: float = 0.0
 
-    def at(self, time: float) -> tuple[FloatArray, float, float]:
+    def at(self, time: float) -> tuple[F64, float, float]:
         """Position [2], heading in radians and the way walked so far in metres."""
         points = np.asarray(self.points, np.float64)
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -186,11 +185,11 @@ def frog(
     return at
 
 
-def _at(x: float, y: float, z: float) -> FloatArray:
+def _at(x: float, y: float, z: float) -> F64:
     return np.array([x, y, z], np.float64)
 
 
-def _leg(clothes: Clothes, h: float, hip: FloatArray, swing: float, bend: float) -> Group:
+def _leg(clothes: Clothes, h: float, hip: F64, swing: float, bend: float) -> Group:
     knee = hip + 0.245 * h * np.array([math.sin(swing), 0.0, -math.cos(swing)])
     shin = swing - bend
     ankle = knee + 0.235 * h * np.array([math.sin(shin), 0.0, -math.cos(shin)])
@@ -201,7 +200,7 @@ def _leg(clothes: Clothes, h: float, hip: FloatArray, swing: float, bend: float)
     ]
 
 
-def _arm(clothes: Clothes, h: float, shoulder: FloatArray, swing: float, lift: float, side: float) -> Group:
+def _arm(clothes: Clothes, h: float, shoulder: F64, swing: float, lift: float, side: float) -> Group:
     elbow = shoulder + 0.17 * h * np.array([math.sin(swing), 0.12 * side, -math.cos(swing)])
     fore = swing + lift
     hand = elbow + 0.16 * h * np.array([math.sin(fore), 0.0, -math.cos(fore)])

@@ -8,14 +8,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from ..rig.camera import Camera, Equirectangular, Perspective, Pose, Projection
 from ..rig.depth import DepthCoding
+from ..support.array_types import F64
 
 __all__ = ["Rig", "twin_cameras"]
 
-FloatArray = npt.NDArray[np.float64]
 
 HALF_TURN = (-math.pi / 2, math.pi / 2)
 HALF_SPHERE = Equirectangular(2048, 2048, HALF_TURN, HALF_TURN)
@@ -74,13 +73,13 @@ def _look(x: float, y: float, z: float, yaw_deg: float = 0.0, pitch_deg: float =
     return Pose.from_euler((x, y, z), math.radians(yaw_deg), math.radians(pitch_deg), 0.0)
 
 
-def _outward(direction: FloatArray, radius: float) -> Pose:
+def _outward(direction: F64, radius: float) -> Pose:
     x, y, z = direction / np.linalg.norm(direction)
     yaw, pitch = math.atan2(y, x), -math.asin(z)
     return Pose.from_euler((radius * x, radius * y, EYE_HEIGHT + radius * z), yaw, pitch, 0.0)
 
 
-def _snub_cube() -> Iterable[FloatArray]:
+def _snub_cube() -> Iterable[F64]:
     """24 directions spread over the sphere, as the real ball has them: the corners of a snub cube."""
     tribonacci = (1 + (19 + 3 * math.sqrt(33)) ** (1 / 3) + (19 - 3 * math.sqrt(33)) ** (1 / 3)) / 3
     base = np.array([1.0, 1.0 / tribonacci, tribonacci])

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from ..kernels.synth import patterns as p
+from ..support.array_types import F64
 from .furniture import armchair, bench, bookcase, column, picture, plant, room, statue, table, vase
 from .outdoors import car, driver, house, lamp_post, tree
 from .parts import Group, Palette, box, capsule, cylinder, ellipsoid, pack, placed, turn
@@ -18,8 +18,7 @@ from .people import Actor, Clothes, Path, ball, carton, frog, stander, walker
 
 __all__ = ["TWINS", "Packed", "Scene", "make_scene"]
 
-FloatArray = npt.NDArray[np.float64]
-Packed = tuple[FloatArray, FloatArray]  # parts and groups, as `kernels.synth.trace` reads them
+Packed = tuple[F64, F64]  # parts and groups, as `kernels.synth.trace` reads them
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +26,8 @@ class Scene:
     """A static world, lit by fixed lamps, and actors that are functions of time."""
 
     name: str
-    materials: FloatArray  # [k, MATERIAL_SIZE]
-    lamps: FloatArray  # [l, 5]: position, strength, reach
+    materials: F64  # [k, MATERIAL_SIZE]
+    lamps: F64  # [l, 5]: position, strength, reach
     static: Sequence[Group]
     actors: Sequence[Actor]
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from ..io.tmiv import SequenceWriter
 from ..kernels.evaluation.depth_noise import perturb_codes
@@ -20,7 +19,6 @@ from .scenes import Packed, Scene, make_scene
 
 __all__ = ["FPS", "Twin", "make_twin", "render_view", "twin_frame", "write_twin"]
 
-FloatArray = npt.NDArray[np.float64]
 
 FPS = 30.0
 # The errors of estimated depth at strength 1: how far edges wander, as a share of the width, and how far

@@ -23,13 +23,12 @@ from ...rig.camera import Camera, Perspective
 from ...rig.frame import Frame
 from ...rig.viewer import RenderedPicture
 from ...settings import Settings
+from ...support.array_types import B1, F64
 from .case import Measured
 from .room import HOME, Placement, Room, Sight
 
 __all__ = ["Shot", "against_home", "against_truth", "take"]
 
-F64 = npt.NDArray[np.float64]
-B1 = npt.NDArray[np.bool_]
 
 _CALM_PX = 3  # with no silhouette round a pixel: a texel's footprint, and a pixel each of blending and smoothing
 _CODE = 1.0  # rounding of a source's code and of the picture's, half a code each

@@ -17,13 +17,12 @@ from ...geometry.triangulation import TriangulationOptions, triangulate
 from ...kernels.evaluation.leaks import count_leaks, farthest_distances
 from ...rig.camera import Camera, Equirectangular, Perspective
 from ...settings import Settings
+from ...support.array_types import F64
 from .case import Case, Measured
 from .room import CODING, HOME, Placement, Room, rig, turned
 
 __all__ = ["ray_cases"]
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
 _PLAIN = Room(Room().boxes[:1])
 _DELTA = 0.1

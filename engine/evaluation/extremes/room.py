@@ -17,10 +17,10 @@ import numpy.typing as npt
 from ...rig.camera import Camera, Perspective, Pose
 from ...rig.depth import DepthCoding
 from ...rig.frame import Frame, Texture, View
+from ...support.array_types import F64
 
 __all__ = ["CODING", "HOME", "Placement", "Room", "Sight", "rig", "turned"]
 
-F64 = npt.NDArray[np.float64]
 
 CODING = DepthCoding(0.4, 20.0, 16, has_invalid=True)
 _RIPPLE = 160.0  # luma codes of the pattern's amplitude

@@ -10,8 +10,9 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I64, U8, U16
+from ..base.jit import inlined, parallel, serial
 from ..base.project import project_pixels, project_point, unproject_point
 from ..base.tolerance import Slack, slack_at
 
@@ -23,24 +24,18 @@ _SMOOTH = 0.25  # share of the tolerance by which a smooth block's depths may be
 # Outside a picture, by side.
 _LEFT, _RIGHT, _ABOVE, _BELOW, _UNKNOWN = 1, 2, 4, 8, 16
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
-
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _disparity(code: float, coding: F64) -> float:
     return coding[0] + coding[1] * max(float(code), coding[3])
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _depth(code: float, coding: F64) -> float:
     return 1.0 / _disparity(code, coding)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _interpolate(line: U16, between: F32) -> None:
     """Between [w]: linear between the corners of blocks along a row of codes."""
     last = line.shape[0] - 1
@@ -52,14 +47,14 @@ def _interpolate(line: U16, between: F32) -> None:
             between[left + x] = start + np.float32(x) * slope
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz", "contract"})
+@serial(fastmath={"nnan", "nsz", "contract"})
 def _keep_worst(line: U16, upper: F32, lower: F32, share: float, worst: F32) -> None:
     """The largest difference up to now of each column's codes from what lies between two rows."""
     for x in range(line.shape[0]):
         worst[x] = max(worst[x], abs(np.float32(line[x]) - (upper[x] + share * (lower[x] - upper[x]))))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_smooth(codes: U16, coding: F64, tolerance: Slack, smooth: U8) -> None:
     """Sets smooth [ceil((h - 1) / BLOCK), ceil((w - 1) / BLOCK)] to 1 where a block's depths follow from its corners'.
 
@@ -87,7 +82,7 @@ def mark_smooth(codes: U16, coding: F64, tolerance: Slack, smooth: U8) -> None:
             smooth[row, column] = lowest >= coding[2] and largest <= limit
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _farther(codes: U16, coding: F64, wraps: bool, edge: float, u: float, v: float, limit: float) -> float:
     """By how many metres a view's surface at (u, v) is farther than `limit`: of the four pixels around it the mean
     where they are one surface, else the nearest. -inf where there are not four with a depth."""
@@ -108,7 +103,7 @@ def _farther(codes: U16, coding: F64, wraps: bool, edge: float, u: float, v: flo
     return seen - limit if inside and lowest >= coding[2] else -math.inf
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _look_at_corners(
     codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
     edge: float, tolerance: Slack, row: int, pixels: F64, images: F64, outside: I64,
@@ -134,7 +129,7 @@ def _look_at_corners(
         ) / slack if outside[i] == 0 else 0.0  # fmt: skip
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _smooth_around(smooth: U8, images: F64, below: F64, column: int) -> bool:
     """Whether an earlier view is smooth round the image of a block, which has a moderate size."""
     u_low = min(min(images[0, column], images[0, column + 1]), min(below[0, column], below[0, column + 1]))
@@ -153,14 +148,14 @@ def _smooth_around(smooth: U8, images: F64, below: F64, column: int) -> bool:
     return found
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _clear(keep: U8, top: int, bottom: int, left: int, right: int) -> None:
     for y in range(top, bottom):
         for x in range(left, right):
             keep[y, x] = 0
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _look_at_pixels(
     codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
     edge: float, tolerance: Slack, top: int, bottom: int, left: int, right: int, pixels: F64, images: F64, keep: U8,
@@ -183,7 +178,7 @@ def _look_at_pixels(
     return count
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def keep_farther(
     codes: U16, camera: F64, coding: F64, smooth: U8,
     earlier_codes: U16, earlier_camera: F64, earlier_coding: F64, earlier_smooth: U8,
@@ -233,7 +228,7 @@ def keep_farther(
     return single
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def cover_cells(codes: U16, camera: F64, coding: F64, stride: int, others: F64, covered: U8) -> None:
     """Sets the cells covered[k] [n, n] of the pictures of other cameras [k, CAMERA_SIZE] that the view's points fall
     into; of its pixels only every stride-th both ways is looked at."""

@@ -6,20 +6,15 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I32, I64, U8, U64
+from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point
 from ..base.tolerance import Slack, slack_at
 from .rays import INVALID_ID, ROUNDING, distance_to_exit, intersect1, is_free, or_u64, outside_ray
 
 __all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "list_unmarked", "mark_by_triangle", "mark_grid"]
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-U8 = npt.NDArray[np.uint8]
-U64 = npt.NDArray[np.uint64]
 
 # Toward the centroids of the two triangles that a pixel owns in the quad to its north-east (Fig. 4), a little.
 OFFSETS = ((0.2, -0.1), (0.1, -0.2))
@@ -32,7 +27,7 @@ SAMPLES = (
 SMALL_PX = 2.5
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _mark_along(
     function: int, scene: int, query: int, camera: F64, bounds: F64, u: float, v: float,
     delta: Slack, marks: I64, word: int, bits: int,
@@ -58,7 +53,7 @@ def _mark_along(
     return 2
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_grid(
     function: int, scene: int, query: int, camera: F64, bounds: F64, stride: int,
     delta: Slack, marks: I64, word: int, bits: int,
@@ -82,7 +77,7 @@ def mark_grid(
     return rays
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _looks(occluded: int, scene: int, camera: F64, bounds: F64, x: float, y: float, z: float, delta: Slack) -> int:
     """What a camera says of a point: 0: not in its picture; 1: something is farther by delta / 2; 2: nothing is."""
     u, v, depth = project_point(camera, x, y, z)
@@ -100,7 +95,7 @@ def _looks(occluded: int, scene: int, camera: F64, bounds: F64, x: float, y: flo
     return 2 if is_free(occluded, scene, x, y, z, -dx, -dy, -dz, reach) else 1
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_by_triangle(
     occluded: int, scene: int, cameras: F64, order: I64, run: int, bounds: F64, points: F32, uv: F32,
     triangles: I32, which: I64, delta: Slack, marks: U64,
@@ -139,7 +134,7 @@ def mark_by_triangle(
     return rays
 
 
-@numba.njit(cache=True, nogil=True)
+@serial
 def list_unmarked(marks: U64, invalid: U8, numbers: I64) -> int:
     """Write the numbers of valid triangles (invalid [m] 0) without any bit in marks [m, words]; returns how many."""
     count = 0

@@ -10,8 +10,9 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I32, I64, U64
+from ..base.jit import inlined, parallel
 from ..base.tolerance import Slack, slack_at
 
 __all__ = ["COLUMNS", "ROWS", "forget_marks", "note_directions"]
@@ -21,14 +22,8 @@ _NARROW = 0.5  # sine up to which arcs are bounded by _ARC times their sine, and
 _ARC = 1.05
 _ROOM = 2e-3  # for the rounding of float32 rays; of distances, a share
 
-U64 = npt.NDArray[np.uint64]
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
 
-
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _direction(camera: F64, points: F32, i: int) -> tuple[float, float, float, float]:
     """The unit direction of a point from a camera (packed), nan where they coincide, and its distance."""
     x, y, z = points[i, 0] - camera[16], points[i, 1] - camera[17], points[i, 2] - camera[18]
@@ -36,7 +31,7 @@ def _direction(camera: F64, points: F32, i: int) -> tuple[float, float, float, f
     return x / length, y / length, z / length, length
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _cells(camera: F64, points: F32, a: int, b: int, c: int) -> tuple[int, int, int, int, float, float]:
     """First row, last row, first column and number of columns of the cells in which a triangle is seen; bounds of its
     distance."""
@@ -70,7 +65,7 @@ def _cells(camera: F64, points: F32, a: int, b: int, c: int) -> tuple[int, int, 
     return first, last, left, columns, near, far
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def note_directions(cameras: F64, points: F32, triangles: I32, which: I64, cells: F32) -> None:
     """Raises cells [cameras, ROWS, COLUMNS] to the distance at which the cameras (packed) see triangles `which` [n]."""
     for k in numba.prange(cameras.shape[0]):
@@ -84,7 +79,7 @@ def note_directions(cameras: F64, points: F32, triangles: I32, which: I64, cells
                     cells[k, row, column % COLUMNS] = max(cells[k, row, column % COLUMNS], distance)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def forget_marks(
     camera: F64, points: F32, triangles: I32, cells: F32, delta: Slack, marks: U64, word: int, bit: np.uint64
 ) -> None:

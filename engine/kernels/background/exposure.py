@@ -10,8 +10,9 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I64
+from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point, unproject_point
 from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
 
@@ -26,12 +27,8 @@ _LEAST_SCALE = 1.0  # code values: residuals are not judged more finely
 _SOLVED, _TURNS = 1e-24, 4
 _SCALES = 2.0  # residual, in robust standard deviations, at which a sample has lost three quarters of its weight
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _surface(row: F64, codes: int, u: float, v: float) -> float:
     """Depth code round (u, v), -1 where there is a depth edge, no depth, or the picture's border."""
     width, height = int(row[1]), int(row[2])
@@ -48,7 +45,7 @@ def _surface(row: F64, codes: int, u: float, v: float) -> float:
     return 0.25 * total
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _bilinear(plane: int, width: int, height: int, u: float, v: float) -> float:
     x, y = min(max(u - 0.5, 0.0), width - 1.0), min(max(v - 0.5, 0.0), height - 1.0)
     x0, y0 = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
@@ -60,7 +57,7 @@ def _bilinear(plane: int, width: int, height: int, u: float, v: float) -> float:
     return top + (y - y0) * (low - top)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _colour(row: F64, planes: I64, u: float, v: float, out: F32) -> bool:
     """Luma, cb and cr at (u, v), relative to black and grey; False where luma is at an end of its range."""
     width, height = int(row[1]), int(row[2])
@@ -74,7 +71,7 @@ def _colour(row: F64, planes: I64, u: float, v: float, out: F32) -> bool:
     return True
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def gather_samples(
     table: F64, addresses: I64, pairs: I64, due: I64, columns: int, rows: int, samples: F32, counts: I64
 ) -> None:  # fmt: skip
@@ -112,12 +109,12 @@ def gather_samples(
         counts[p] = count
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _common_luma(tone: F64, luma: float) -> float:
     return (luma - tone[0, 1]) / tone[0, 0]
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def weigh_samples(samples: F32, counts: I64, nodes: I64, tones: F64, information: F64, evidence: F64) -> None:
     """Robust normal equations of each pair and channel, for the difference of the two tones.
 
@@ -158,7 +155,7 @@ def weigh_samples(samples: F32, counts: I64, nodes: I64, tones: F64, information
                         information[p, channel, i, j] += weight * basis[k, i] * basis[k, j]
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def solve_tones(
     information: F64, evidence: F64, nodes: I64, weights: F64, precision: F64, off: F64
 ) -> None:
@@ -201,7 +198,7 @@ def solve_tones(
             rest -= share * pulled
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _pull(information: F64, nodes: I64, weights: F64, tones: F64, pulled: F64) -> None:
     """How pairs (information [p, 3, 3]) pull at tones [n + 1, 3], of which the last, that of nodes n or more, is 0."""
     count = tones.shape[0] - 1
@@ -218,7 +215,7 @@ def _pull(information: F64, nodes: I64, weights: F64, tones: F64, pulled: F64) -
                 pulled[b, i] -= weights[p] * total
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _solve_blocks(blocks: F64, vectors: F64, out: F64) -> None:
     """out [n, 3]: the solutions of systems [n, 3, 3], symmetric and positive definite, by Cholesky's method."""
     factor = np.empty((3, 3))

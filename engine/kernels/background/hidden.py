@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numba
-import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I32, I64, U8
+from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point
 from ..base.tolerance import Slack, slack_at
 from .culling import SAMPLES, SMALL_PX
@@ -16,17 +16,12 @@ from .standing import standing_hit
 
 __all__ = ["CELL", "flag_unseen", "mark_seen", "spread_seen"]
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-U8 = npt.NDArray[np.uint8]
 
 CELL = 4  # pixels of a source picture, each way, that are seen or unseen together; and how far what is seen spreads
 _RUN = 64  # neighbouring triangles, of which each first asks the eye that saw the one before
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _cells(uv: F32, triangle: I32, around: float, wraps: bool, cells: U8) -> tuple[int, int, int, int]:
     """First and last column and row of the cells of a triangle, and of so many pixels around it."""
     a, b, c = triangle[0], triangle[1], triangle[2]
@@ -39,7 +34,7 @@ def _cells(uv: F32, triangle: I32, around: float, wraps: bool, cells: U8) -> tup
     return left, right, max(top, 0), min(bottom, cells.shape[0] - 1)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _is_beside(uv: F32, triangle: I32, wraps: bool, cells: U8) -> bool:
     """Whether a triangle touches a cell that is set."""
     left, right, top, bottom = _cells(uv, triangle, 0.0, wraps, cells)
@@ -50,7 +45,7 @@ def _is_beside(uv: F32, triangle: I32, wraps: bool, cells: U8) -> bool:
     return found
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _is_small(uv: F32, triangle: I32) -> bool:
     a, b, c = triangle[0], triangle[1], triangle[2]
     width = max(uv[a, 0], uv[b, 0], uv[c, 0]) - min(uv[a, 0], uv[b, 0], uv[c, 0])
@@ -58,7 +53,7 @@ def _is_small(uv: F32, triangle: I32) -> bool:
     return max(width, height) <= SMALL_PX
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _sees(
     function: int, occluded: int, scene: int, eye: F64, bounds: F64, x: float, y: float, z: float,
     owners: I64, table: F64, codes: I64, slack: Slack,
@@ -78,7 +73,7 @@ def _sees(
     return not 0.0 < shown < free * distance, rays + 1
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_seen(
     function: int, occluded: int, scene: int, eyes: F64, bounds: F64, points: F32, uv: F32, triangles: I32, invalid: U8,
     owners: I64, table: F64, codes: I64, slack: Slack, wraps: bool, cells: U8, seen: U8,
@@ -112,7 +107,7 @@ def mark_seen(
     return rays
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def spread_seen(uv: F32, triangles: I32, seen: U8, wraps: bool, cells: U8) -> None:
     """Sets the cells [ceil(h / CELL), ceil(w / CELL)] of the source picture within CELL pixels of seen triangles."""
     for i in numba.prange(triangles.shape[0]):
@@ -123,7 +118,7 @@ def spread_seen(uv: F32, triangles: I32, seen: U8, wraps: bool, cells: U8) -> No
                     cells[y, x % cells.shape[1]] = 1
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def flag_unseen(uv: F32, triangles: I32, wraps: bool, cells: U8, invalid: U8) -> int:
     """Flags valid triangles as invalid that touch no cell that is set; returns how many."""
     count = 0

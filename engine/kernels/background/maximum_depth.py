@@ -11,8 +11,9 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I64, U8, U16
+from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point, unproject_point
 from ..base.tone import mean_luma, toned_code
 
@@ -43,15 +44,10 @@ PROVISIONAL = _FRESH | _TRIED
 # shadow, and a first one that was mixed with someone's who was about to leave is soon forgotten.
 DEPTH_FRAMES, COLOUR_FRAMES = 32, 8
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 Margins = tuple[np.uint16, np.uint16, np.uint16, np.uint16]  # smallest valid code, and what margins are at least
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def farther_than(
     code: int, offset: float, step: float, has_invalid: bool, margin_m: float, margin_disparity: float
 ) -> float:
@@ -63,7 +59,7 @@ def farther_than(
     return (limit - offset) / step
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _beside_nearer(codes: U16, row: int, x: int, edge: int) -> bool:
     """Whether one of the eight neighbours is nearer by more than a depth edge: colours mix there."""
     limit = int(codes[row, x]) + edge
@@ -74,20 +70,20 @@ def _beside_nearer(codes: U16, row: int, x: int, edge: int) -> bool:
     return False
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _coloured(flags: int, provisional: int) -> int:
     """A pixel's flags with another state of its colour."""
     return (flags & ~PROVISIONAL) | provisional
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _limit(code: int, rules: F64) -> int:
     """A code's row in `by_code`: new - lowest < limit, in wrapping 16-bit arithmetic, says "valid and farther"."""
     limit = farther_than(code, rules[0], rules[1], rules[2] > 0.0, rules[3], rules[4]) - rules[2]
     return math.ceil(min(max(limit, 0.0), 65535.0))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def prepare_limits(rules: F64, by_code: U16) -> None:
     """Fills by_code [65536], every code's limit, and the last three of rules [9].
 
@@ -110,7 +106,7 @@ def prepare_limits(rules: F64, by_code: U16) -> None:
     rules[6], rules[7], rules[8] = least, bend, shift
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_provisional(codes: U16, rules: F64, flags: U8) -> None:
     """Sets in flags [h, w] which colours are provisional: those into which something nearer may be mixed."""
     h, w = codes.shape
@@ -129,7 +125,7 @@ def mark_provisional(codes: U16, rules: F64, flags: U8) -> None:
             flags[y, x] = _coloured(flags[y, x], _FRESH * nearer)
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _perhaps_farther(new: np.uint16, code: np.uint16, margins: Margins) -> np.uint16:
     """0 where a new code is not farther than another, by what margins are at least (see `prepare_limits`).
 
@@ -144,7 +140,7 @@ def _perhaps_farther(new: np.uint16, code: np.uint16, margins: Margins) -> np.ui
     return np.uint16((nearest <= known) & (shifted != np.uint16(65535)))
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _any_set(flags: U8, bits: int) -> bool:
     found = np.uint8(0)
     for x in range(TILE):
@@ -152,7 +148,7 @@ def _any_set(flags: U8, bits: int) -> bool:
     return found & bits != 0
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _pair_farther(pair: int, x0: int, new: U16, codes: U16, by_code: U16, margins: Margins) -> bool:
     """Whether anything is farther in TILE columns from x0 on of a pair of rows."""
     top, bottom, end = 2 * pair, min(2 * pair + 1, codes.shape[0] - 1), x0 + TILE
@@ -172,7 +168,7 @@ def _pair_farther(pair: int, x0: int, new: U16, codes: U16, by_code: U16, margin
     return found
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _pair_set(pair: int, x: int, flags: U8, bits: int) -> bool:
     found = False
     for row in range(2 * pair, min(2 * pair + 2, flags.shape[0])):
@@ -180,7 +176,7 @@ def _pair_set(pair: int, x: int, flags: U8, bits: int) -> bool:
     return found
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _concerned(pair: int, column: int, new: U16, codes: U16, flags: U8, by_code: U16, lowest: int) -> bool:
     """Whether one of the 2x2 pixels that share one chroma sample is farther, or has a provisional colour."""
     top, bottom = 2 * pair, min(2 * pair + 1, codes.shape[0] - 1)
@@ -195,7 +191,7 @@ def _concerned(pair: int, column: int, new: U16, codes: U16, flags: U8, by_code:
     )
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _stirred(changed: I64, band: int, tile: int) -> bool:
     """Whether a block or one of its four neighbours has changed."""
     bands, tiles = changed.shape
@@ -203,7 +199,7 @@ def _stirred(changed: I64, band: int, tile: int) -> bool:
     return changed[band, tile] + beside + changed[max(band - 1, 0), tile] + changed[min(band + 1, bands - 1), tile] > 0
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def update_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
     flags: U8, fused: U8, by_code: U16, before: I64, counts: I64, rules: F64, tone: F64, number: int, turn: int,
@@ -254,7 +250,7 @@ def update_maximum_depth(
             counts[band, tile] = count
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _update_quad(
     pair: int, column: int, new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16,
     cr: U16, flags: U8, fused: U8, by_code: U16, rules: F64, tone: F64,
@@ -302,13 +298,13 @@ def _update_quad(
     return count
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _toward(old: int, new: int, count: int, chance: float) -> int:
     """The mean of `count` codes, the new one among them; rounded by chance, or small differences would never count."""
     return int(old + math.floor((np.int32(new) - np.int32(old)) / count + chance))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def fuse_maximum_depth(
     new_codes: U16, new_y: U16, new_cb: U16, new_cr: U16, codes: U16, y: U16, cb: U16, cr: U16,
     flags: U8, fused: U8, by_code: U16, rules: F64, tone: F64, number: int,
@@ -354,7 +350,7 @@ def fuse_maximum_depth(
                 cr[pair, column] = _toward(cr[pair, column], red, count, chance)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def settle_points(points: F32, uv: F32, camera: F64, rules: F64, codes: U16, by_code: U16, moved: F32) -> None:
     """Moves points [n, 3] of a mesh of this image, at picture coordinates uv [n, 2], to where its codes are by now.
 

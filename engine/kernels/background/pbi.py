@@ -6,8 +6,9 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I64, U8, U16
+from ..base.jit import inlined, parallel, serial
 from ..base.project import unproject_point
 from ..base.tolerance import Slack
 from .rays import farthest_hit, load_f32, load_u16, load_u32
@@ -16,11 +17,6 @@ from .uncovered import CELL
 
 __all__ = ["render_background", "sample_colours"]
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
 # Columns of the table of maximum depth images: addresses of planes, then sizes.
 _Y, _CB, _CR, _CODES, _WIDTH, _HEIGHT, _WRAPS, _EDGE = range(8)
@@ -29,18 +25,18 @@ _DISPARITY, _U, _V, _SOURCE, _GEOMETRY, _PRIMITIVE, _DISTANCE = range(7)
 _FLAT = 5e-4  # share of its distance by which a hit may be off a plane that it is taken to lie on
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _load(plane: int, at: int) -> int:
     return numba.int64(load_u16(plane + 2 * at))
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _clamped(x: int, size: int, wraps: bool) -> int:
     """Beyond the border the nearest sample, or the other side's where the picture wraps."""
     return x % size if wraps else min(max(x, 0), size - 1)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _luma(image: I64, u: float, v: float) -> float:
     """Luma at (u, v), from those of the four pixels around that lie on the nearest one's surface."""
     width, height, wraps = image[_WIDTH], image[_HEIGHT], image[_WRAPS] != 0
@@ -60,7 +56,7 @@ def _luma(image: I64, u: float, v: float) -> float:
     return total / weights
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _chroma(image: I64, u: float, v: float) -> tuple[float, float]:
     """Chroma at (u, v) of the picture, bilinear."""
     width, height, wraps = (image[_WIDTH] + 1) // 2, (image[_HEIGHT] + 1) // 2, image[_WRAPS] != 0
@@ -78,7 +74,7 @@ def _chroma(image: I64, u: float, v: float) -> tuple[float, float]:
     return blue, red
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _hit_uv(surface: I64, primitive: int, hu: float, hv: float) -> tuple[float, float]:
     """Source picture coordinates at a triangle's barycentric (hu, hv)."""
     corner = surface[0] + 12 * primitive
@@ -92,7 +88,7 @@ def _hit_uv(surface: I64, primitive: int, hu: float, hv: float) -> tuple[float, 
     )
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _cast(
     function: int, scene: int, camera: F64, bounds: F64, surfaces: I64, near: float, present: F64, codes: I64,
     slack: Slack, x: int, y: int, hits: F64, k: int,
@@ -115,7 +111,7 @@ def _cast(
     return rays
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _on_plane(surfaces: I64, images: I64, camera: F64, hits: F64, a: int, b: int, x: int, y: int) -> bool:
     """Whether hits[b], of pixel (x, y), lies on the plane of hits[a]'s triangle, and both have their colour near by."""
     if (
@@ -140,7 +136,7 @@ def _on_plane(surfaces: I64, images: I64, camera: F64, hits: F64, a: int, b: int
     return off <= _FLAT * hits[b, _DISTANCE] * math.sqrt(nx * nx + ny * ny + nz * nz)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _colour(images: I64, hits: F64, y: U16, pair: int, column: int) -> tuple[float, float]:
     """Luma of the 2x2 pixels with the given hits [4, 7]; returns their chroma."""
     h, w = y.shape
@@ -167,7 +163,7 @@ def _colour(images: I64, hits: F64, y: U16, pair: int, column: int) -> tuple[flo
     return blue / count, red / count
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _mean(hits: F64, k: int, grid: F64, a: int, b: int) -> None:
     """Puts the middle of two hits of one plane into hits[k]."""
     hits[k, _SOURCE] = grid[a, _SOURCE]
@@ -175,7 +171,7 @@ def _mean(hits: F64, k: int, grid: F64, a: int, b: int) -> None:
         hits[k, i] = 0.5 * (grid[a, i] + grid[b, i])
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _is_wanted(wanted: U8, pair: int, column: int, before: int) -> bool:
     """Whether a 2x2 of pixels, or one up to `before` to the left of it or above it, is in a cell that is wanted."""
     if wanted.size == 0:
@@ -185,7 +181,7 @@ def _is_wanted(wanted: U8, pair: int, column: int, before: int) -> bool:
     return (wanted[y, x] | wanted[top, x] | wanted[y, left] | wanted[top, left]) != 0
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def render_background(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, largest: int,
     surfaces: I64, images: I64, near: float, present: F64, seen: I64, slack: Slack, sparse: bool,
@@ -254,7 +250,7 @@ def render_background(
     return rays
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def sample_colours(image: I64, uv: F32, ycbcr: F32) -> None:
     """Y'CbCr codes [n, 3] of a maximum depth image (a row of the table of images) at picture coordinates [n, 2]."""
     for i in numba.prange(uv.shape[0]):

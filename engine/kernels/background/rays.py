@@ -11,12 +11,13 @@ from typing import Any
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from ...support.array_types import F64
+from ..base.jit import inlined, serial
 from ..base.project import unproject_point
 
 __all__ = [
@@ -37,7 +38,6 @@ __all__ = [
     "skip_invalid",
 ]
 
-F64 = npt.NDArray[np.float64]
 
 INVALID_ID = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID
 ROUNDING = 1e-4  # share of a distance that float32 rays may be off by
@@ -144,7 +144,7 @@ def intersect1(
     return result(i64, i64, i64, *([f32] * 8)), codegen
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def is_free(
     occluded: int, scene: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, far: float
 ) -> bool:
@@ -185,7 +185,7 @@ def mark_and_pass(arguments: int) -> None:
     _store_i32(load_i64(arguments), numba.int32(0))
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def distance_to_exit(bounds: F64, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
     """How far a ray goes until it has left a box [2, 3] for good; negative where it never meets it again."""
     far = math.inf
@@ -197,7 +197,7 @@ def distance_to_exit(bounds: F64, x: float, y: float, z: float, dx: float, dy: f
     return far
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def outside_ray(
     camera: F64, bounds: F64, u: float, v: float
 ) -> tuple[float, float, float, float, float, float, float, float]:
@@ -217,7 +217,7 @@ def outside_ray(
     )  # fmt: skip
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def farthest_hit(
     function: int, scene: int, camera: F64, bounds: F64, u: float, v: float
 ) -> tuple[float, float, float, int, int, float]:
@@ -229,7 +229,7 @@ def farthest_hit(
     return hit
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _farthest_along(
     function: int, scene: int, camera: F64, bounds: F64, u: float, v: float
 ) -> tuple[float, float, float, int, int, float]:

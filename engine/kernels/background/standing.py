@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F64, I64
+from ..base.jit import serial
 from ..base.project import unproject_point
 from ..base.sight import looks_through, shows
 from ..base.tolerance import Slack, slack_at
@@ -18,13 +19,11 @@ from .rays import BESIDE_PX, INVALID_ID, ROUNDING, farthest_hit, intersect1
 
 __all__ = ["standing_hit"]
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
 _LAYERS = 8  # surfaces that are looked at along a ray before the farthest is taken
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _stands(table: F64, codes: I64, x: float, y: float, z: float, slack: Slack) -> bool:
     """Whether no view has ever looked through a point."""
     for k in range(table.shape[0]):  # noqa: SIM110 (compiled)
@@ -33,7 +32,7 @@ def _stands(table: F64, codes: I64, x: float, y: float, z: float, slack: Slack) 
     return True
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def standing_hit(
     function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, near: float,
     owners: I64, table: F64, codes: I64, slack: Slack,
@@ -57,7 +56,7 @@ def standing_hit(
     return distance, hu, hv, geometry, primitive, length, rays
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _standing_along(
     function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, near: float,
     owners: I64, table: F64, codes: I64, slack: Slack,

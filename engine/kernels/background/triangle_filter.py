@@ -5,23 +5,15 @@ from __future__ import annotations
 import math
 
 import numba
-import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import B1, F32, F64, I32, I64, U8, U16, U64
+from ..base.jit import inlined, parallel, serial
 from ..base.tolerance import Slack, slack_at
 from .maximum_depth import KEPT, UPDATED
 from .rays import farthest_hit
 
 __all__ = ["accept_candidates", "clear_culled", "inherit_marks", "paint_triangles"]
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-U64 = npt.NDArray[np.uint64]
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-B1 = npt.NDArray[np.bool_]
 
 # A candidate needs this many of its eight neighbours to be in the P-PBS, or accepted, as well: what someone uncovers
 # is a region, a wrong depth mostly a lone pixel. A corner of two by two pixels has three.
@@ -32,7 +24,7 @@ _SPARED, _ACCEPTED, _CONFIRMED = 16, 32, 64
 _FLAT = 0.25  # of delta: four pixels whose depths differ by less share a ray
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _around(flags: U8, y: int, x: int, bits: int) -> int:
     """How many of the three by three pixels round one have one of the bits."""
     count = 0
@@ -42,7 +34,7 @@ def _around(flags: U8, y: int, x: int, bits: int) -> int:
     return count
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _judge(
     function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, depth: float, delta: Slack
 ) -> int:
@@ -54,7 +46,7 @@ def _judge(
     return _ACCEPTED if depth * length > distance + slack_at(delta, distance) else 0
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _share_ray(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, flags: U8, y: int, x: int,
     delta: Slack,
@@ -72,7 +64,7 @@ def _share_ray(
     return _judge(function, scene, camera, bounds, x + 1.0, y + 1.0, depth, delta) == 0
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def accept_candidates(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, flags: U8, delta: Slack, blocks: I64,
     height: int, width: int, counts: I64,
@@ -141,7 +133,7 @@ def accept_candidates(
                     counts[k, 3] += 1
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _judge_pixel(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, y: int, x: int, delta: Slack
 ) -> int:
@@ -152,13 +144,13 @@ def _judge_pixel(
     return _judge(function, scene, camera, bounds, u, v, depth, delta)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _extent(a: float, b: float, c: float) -> tuple[int, int]:
     """The pixels, from the first to before the last, whose centres lie between the least and the greatest of three."""
     return math.ceil(min(a, b, c) - 0.5), math.floor(max(a, b, c) - 0.5) + 1
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _covers(uv: F32, a: int, b: int, c: int, x: int, y: int) -> bool:
     """Whether a triangle covers or touches a pixel's centre."""
     px, py = x + 0.5, y + 0.5
@@ -168,7 +160,7 @@ def _covers(uv: F32, a: int, b: int, c: int, x: int, y: int) -> bool:
     return (ab >= 0.0 and bc >= 0.0 and ca >= 0.0) or (ab <= 0.0 and bc <= 0.0 and ca <= 0.0)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def paint_triangles(uv: F32, triangles: I32, invalid: U8, wraps: bool, erase: bool, numbers: I32) -> None:
     """Writes each valid triangle's number, or -1 to erase them, to all pixels whose centre it covers or touches.
 
@@ -187,7 +179,7 @@ def paint_triangles(uv: F32, triangles: I32, invalid: U8, wraps: bool, erase: bo
                     numbers[y, x % w] = -1 if erase else i
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def clear_culled(uv: F32, triangles: I32, invalid: U8, wraps: bool, numbers: I32, flags: U8) -> None:
     """A pixel of an invalid triangle that no valid one touches (numbers: see `paint_triangles`) is kept no longer.
 
@@ -206,7 +198,7 @@ def clear_culled(uv: F32, triangles: I32, invalid: U8, wraps: bool, numbers: I32
                     flags[y, x % w] &= ~KEPT
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _meets(blocks: B1, x0: int, x1: int, y0: int, y1: int) -> bool:
     """Whether one of the blocks from (x0, y0) to (x1, y1) is set; their columns begin again on the left."""
     for y in range(max(y0, 0), min(y1, blocks.shape[0] - 1) + 1):
@@ -216,7 +208,7 @@ def _meets(blocks: B1, x0: int, x1: int, y0: int, y1: int) -> bool:
     return False
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def inherit_marks(
     uv: F32, triangles: I32, numbers: I32, old: U64, new: U64, changed: B1, height: int, width: int, news: B1
 ) -> None:

@@ -11,9 +11,11 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from ..base.project import PERSPECTIVE, project_pixels
+from ...support.array_types import F32, F64, I64, U8
+from ...support.packed import PERSPECTIVE
+from ..base.jit import inlined, parallel, serial
+from ..base.project import project_pixels
 from ..base.view_table import INVALID, OFFSET, STEP, load_byte, load_texel
 from ..geometry.cuts import BROKEN
 from .rays import load_i64
@@ -27,13 +29,8 @@ _FARTHEST = 6  # cells that an eye's moves may shift a surface by; what shifts m
 _WIDEST = 40  # cells; blocks whose images are larger are not relied on
 _WORD_BROKEN = BROKEN * 0x0101010101010101
 
-U8 = npt.NDArray[np.uint8]
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _look_at_corners(view: F64, codes: int, camera: F64, row: int, pixels: F64, images: F64) -> None:
     """images [3, columns + 1]: u, v and depth in the background's picture of the corners of a row of blocks; depth 0
     where a corner has none. Corners are pixels of every sixteenth row and column, and of the last. pixels: room."""
@@ -49,7 +46,7 @@ def _look_at_corners(view: F64, codes: int, camera: F64, row: int, pixels: F64, 
         images[2, i] = images[2, i] if pixels[2, i] > 0.0 else 0.0
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _any_cut(flags: int, w: int, top: int, bottom: int, left: int, right: int) -> bool:
     """Whether a cut touches one of a block's pixels; the last ones belong to it."""
     found, last = 0, right - 7
@@ -65,7 +62,7 @@ def _any_cut(flags: int, w: int, top: int, bottom: int, left: int, right: int) -
     return found & _WORD_BROKEN != 0
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _mark(cells: U8, nearest: F32, bit: int, box: tuple[float, float, float, float], depth: float) -> None:
     """Sets a bit of the cells that a box [u, v, u, v] of the picture touches, and keeps the nearest depth."""
     rows, columns = cells.shape
@@ -77,7 +74,7 @@ def _mark(cells: U8, nearest: F32, bit: int, box: tuple[float, float, float, flo
             nearest[y, x] = min(nearest[y, x], depth)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _mark_view(view: F64, codes: int, flags: int, camera: F64, cells: U8, nearest: F32) -> None:
     """Marks the cells that a view's surface lies in, and those that its cuts and its border lie in."""
     w, h = int(view[1]), int(view[2])
@@ -114,7 +111,7 @@ def _mark_view(view: F64, codes: int, flags: int, camera: F64, cells: U8, neares
                     _mark(cells, nearest, _CUT, (u, v, u, v), d)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _pixels_a_radian(camera: F64, u: float, v: float) -> float:
     """By how many pixels, at most, a point at depth 1 moves in a picture for each length that the camera moves by."""
     if camera[0] == PERSPECTIVE:
@@ -123,7 +120,7 @@ def _pixels_a_radian(camera: F64, u: float, v: float) -> float:
     return 1.0 / min(camera[4] * max(math.cos(camera[5] - v * camera[6]), 1e-3), camera[6])
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _safe(cells: U8, y: int, x: int, reach: int) -> bool:
     """Whether all cells up to `reach` away are covered, and none is cut."""
     rows, columns = cells.shape
@@ -134,7 +131,7 @@ def _safe(cells: U8, y: int, x: int, reach: int) -> bool:
     return True
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_uncovered(table: F64, addresses: I64, camera: F64, reach_m: float, wanted: U8) -> None:
     """wanted [ceil(h / CELL), ceil(w / CELL)] of a camera's picture: 1 where an eye up to `reach_m` metres away from
     the camera may look past what all of some views show, else 0.

@@ -1,24 +1,19 @@
 """Projection of single points, both ways, over packed cameras.
 
-A packed camera is a float64 array of CAMERA_SIZE numbers:
-[0] kind, [1:3] width, height, [3:7] fx fy cx cy (perspective) or phi_max, radians a column, theta_max, radians
-a row (equirectangular), [7:16] rotation world from camera (row-major), [16:19] position relative to the scene
-origin, [19] 1 where the picture wraps round.
+`support.packed` has the layout of a packed camera.
 """
 
 from __future__ import annotations
 
 import math
 
-import numba
-import numpy as np
-import numpy.typing as npt
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
+from ...support.array_types import F64
+from ...support.packed import CAMERA_SIZE, PERSPECTIVE
+from .jit import inlined, serial
+
 __all__ = [
-    "CAMERA_SIZE",
-    "EQUIRECTANGULAR",
-    "PERSPECTIVE",
     "arc_tangent",
     "cosine_sine",
     "project_pixels",
@@ -26,14 +21,8 @@ __all__ = [
     "unproject_point",
 ]
 
-CAMERA_SIZE = 20
-PERSPECTIVE = 0.0
-EQUIRECTANGULAR = 1.0
 
-FloatArray = npt.NDArray[np.float64]
-
-
-@numba.njit(inline="always", cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
+@inlined(fastmath={"contract", "nnan", "nsz"})
 def arc_tangent(y: float, x: float) -> float:
     """atan2 by a minimax polynomial: within 4e-8 rad, far below a hundredth of a pixel, and free of branches."""
     ax, ay = abs(x), abs(y)
@@ -48,7 +37,7 @@ def arc_tangent(y: float, x: float) -> float:
     return -r if y < 0.0 else r
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
+@inlined(fastmath={"contract", "nnan", "nsz"})
 def cosine_sine(angle: float) -> tuple[float, float]:
     """Both by their series within an eighth of a turn: within 1e-11, and free of branches."""
     quarter = math.floor(angle * (2.0 / math.pi) + 0.5)
@@ -68,8 +57,8 @@ def cosine_sine(angle: float) -> tuple[float, float]:
     return c, s
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
-def project_point(camera: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+@inlined
+def project_point(camera: F64, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A point relative to the scene origin -> (u, v, depth); depth <= 0 means behind a perspective camera."""
     dx, dy, dz = x - camera[16], y - camera[17], z - camera[18]
     cx = camera[7] * dx + camera[10] * dy + camera[13] * dz
@@ -89,8 +78,8 @@ def project_point(camera: FloatArray, x: float, y: float, z: float) -> tuple[flo
     return u, v, depth
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
-def unproject_point(camera: FloatArray, u: float, v: float, depth: float) -> tuple[float, float, float]:
+@inlined
+def unproject_point(camera: F64, u: float, v: float, depth: float) -> tuple[float, float, float]:
     """Pixel coordinates and depth -> the point relative to the scene origin."""
     if camera[0] == PERSPECTIVE:
         cx, cy, cz = 1.0, (camera[5] - u) / camera[3], (camera[6] - v) / camera[4]
@@ -107,8 +96,8 @@ def unproject_point(camera: FloatArray, u: float, v: float, depth: float) -> tup
     )
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
-def project_pixels(camera: FloatArray, other: FloatArray, pixels: FloatArray, images: FloatArray, count: int) -> None:
+@serial(fastmath={"contract", "nnan", "nsz"})
+def project_pixels(camera: F64, other: F64, pixels: F64, images: F64, count: int) -> None:
     """images [3, >= count]: u, v and depth in another camera of pixels [3, >= count] u, v and disparity of a first.
 
     Tuples, unlike arrays, keep what is the same for all pixels in registers: this compiles to vector instructions.

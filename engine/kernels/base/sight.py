@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import numba
-import numpy as np
-import numpy.typing as npt
-
+from ...support.array_types import F64
+from .jit import inlined
 from .project import project_point
 from .tolerance import Slack, slack_at
 from .view_table import EDGE, INVALID, OFFSET, STEP, load_texel
 
 __all__ = ["looks_through", "shows"]
 
-F64 = npt.NDArray[np.float64]
 
-
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _image(row: F64, x: float, y: float, z: float, slack: Slack) -> tuple[int, float, float]:
     """Index of the first of the four texels round a point's image in a view, its depth, and the slack there in metres;
     -1 where there are none, or where the view is nearer than that."""
@@ -27,7 +23,7 @@ def _image(row: F64, x: float, y: float, z: float, slack: Slack) -> tuple[int, f
     return (iy * int(row[1]) + ix if ix >= 0 and iy >= 0 else -1), depth, around
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: Slack, texels: int = 4) -> bool:
     """Whether a view sees farther, by more than the slack, on so many of the four texels round a point's image.
 
@@ -44,7 +40,7 @@ def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: Sla
     return farther >= texels
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def shows(row: F64, codes: int, x: float, y: float, z: float, slack: Slack) -> bool:
     """Whether the four texels round a point's image are one surface, which passes within the slack of the point.
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import numba
+from .jit import inlined
 
 __all__ = ["Slack", "slack_at"]
 
 Slack = tuple[float, float]  # metres anywhere; 1/m, which makes lengths that grow with the square of the distance
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def slack_at(slack: Slack, distance: float) -> float:
     """The slack at a distance, metres: an error e of 1 / z is one of e z^2 in z."""
     return max(slack[0], slack[1] * distance * distance)

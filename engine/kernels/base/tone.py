@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from ...support.array_types import F64, U16
+from .jit import inlined, parallel
 
 __all__ = ["IDENTITY", "LARGEST", "TONE_SIZE", "mean_luma", "tone_picture", "toned", "toned_code"]
 
@@ -16,30 +18,27 @@ TONE_SIZE = 8
 IDENTITY = (1.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 LARGEST = 1023.0  # code
 
-F64 = npt.NDArray[np.float64]
-U16 = npt.NDArray[np.uint16]
 
-
-@numba.njit(inline="always", cache=True)
+@inlined
 def toned(tone: F64, y: float, cb: float, cr: float) -> tuple[float, float, float]:
     """A colour in another tone, not limited to what codes can hold."""
     return tone[0] * y + tone[1], tone[2] * cb + tone[3] * y + tone[4], tone[5] * cr + tone[6] * y + tone[7]
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def toned_code(gain: float, code: float, offset: float) -> int:
     """gain * code + offset as the nearest code."""
     return int(min(max(gain * code + offset, 0.0), LARGEST) + 0.5)
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def mean_luma(y: U16, row: int, x: int) -> float:
     """Mean of the 2x2 pixels at an even row and column, which share a chroma sample."""
     below, right = min(row + 1, y.shape[0] - 1), min(x + 1, y.shape[1] - 1)
     return 0.25 * (int(y[row, x]) + int(y[row, right]) + int(y[below, x]) + int(y[below, right]))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def tone_picture(tone: F64, y: U16, cb: U16, cr: U16, out_y: U16, out_cb: U16, out_cr: U16) -> None:
     """Write a 4:2:0 picture in another tone; the luma of a chroma sample is the mean of its pixels."""
     h, w = y.shape

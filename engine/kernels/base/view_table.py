@@ -14,7 +14,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from .project import CAMERA_SIZE
+from ...support.packed import CAMERA_SIZE
 from .tone import TONE_SIZE
 
 __all__ = [

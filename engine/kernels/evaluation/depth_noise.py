@@ -6,6 +6,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from ..base.jit import parallel
 from ..synth.patterns import value_noise
 
 __all__ = ["perturb_codes"]
@@ -13,7 +14,7 @@ __all__ = ["perturb_codes"]
 CodeArray = npt.NDArray[np.uint16]
 
 
-@numba.njit(parallel=True, nogil=True, cache=True, error_model="numpy")
+@parallel
 def perturb_codes(
     codes: CodeArray, frame: int, seed: int, shift_px: float, error: float, max_code: int, out: CodeArray
 ) -> None:

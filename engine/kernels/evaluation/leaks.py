@@ -6,21 +6,19 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I32
 from ..background.rays import farthest_hit
+from ..base.jit import inlined, parallel
 from ..base.project import project_point
 
 __all__ = ["count_leaks", "farthest_distances"]
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I32 = npt.NDArray[np.int32]
 
 _SHARE = 1.0 / (1 << 32)
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _random(state: np.uint64) -> np.uint64:
     """The next of a sequence (splitmix64, Steele et al. 2014)."""
     z = state + np.uint64(0x9E3779B97F4A7C15)
@@ -29,7 +27,7 @@ def _random(state: np.uint64) -> np.uint64:
     return z ^ (z >> np.uint64(31))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def count_leaks(
     function: int, scene: int, bounds: F64, points: F32, triangles: I32, cameras: F64, seed: int, rays: int
 ) -> tuple[int, int, int]:
@@ -60,7 +58,7 @@ def count_leaks(
     return inside, sides, corners
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def farthest_distances(function: int, scene: int, camera: F64, bounds: F64, distances: F64) -> None:
     """distances [h, w]: those of the farthest hits behind the pixels of a camera, nan where there is none."""
     for row in numba.prange(distances.shape[0]):

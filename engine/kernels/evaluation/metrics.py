@@ -6,12 +6,14 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from ..base.jit import parallel
+
 __all__ = ["SEARCH_RANGE", "match_errors", "similarity_rows"]
 
 SEARCH_RANGE = 2  # pixels each way: a 5x5 neighbourhood
 
 
-@numba.njit(cache=True, error_model="numpy", parallel=True, nogil=True)
+@parallel
 def match_errors(
     picture: npt.NDArray[np.uint16],  # [3, h, w]
     other: npt.NDArray[np.uint16],  # [3, h, w]
@@ -47,7 +49,7 @@ def match_errors(
     return rows
 
 
-@numba.njit(cache=True, error_model="numpy", parallel=True, nogil=True)
+@parallel
 def similarity_rows(
     ref: npt.NDArray[np.uint16],  # [h, w]
     test: npt.NDArray[np.uint16],  # [h, w]

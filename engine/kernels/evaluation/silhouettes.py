@@ -9,7 +9,9 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from ...support.array_types import F64
+from ..base.jit import parallel, serial
 
 __all__ = ["FINE", "HALF", "silhouette_offsets", "thin_structures"]
 
@@ -17,11 +19,9 @@ FINE = 4  # samples of ground truth along each side of a pixel
 HALF = 3  # pixels looked at to both sides of a silhouette
 _SPREADS = 3.0  # standard deviations of light, both sides' together, that must lie between the sides
 
-FloatArray = npt.NDArray[np.float64]
 
-
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _level(disparity: FloatArray, py: int, px: int, step: float) -> float:
+@serial
+def _level(disparity: F64, py: int, px: int, step: float) -> float:
     """Disparity halfway between the sides of the greatest step in or about a pixel, or 0 if none is large enough."""
     greatest, level = 1.0 + step, 0.0
     for y in range(FINE * py - 1, FINE * py + FINE):
@@ -33,8 +33,8 @@ def _level(disparity: FloatArray, py: int, px: int, step: float) -> float:
     return level
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _cover(disparity: FloatArray, py: int, px: int, level: float, cover: FloatArray) -> None:
+@serial
+def _cover(disparity: F64, py: int, px: int, level: float, cover: F64) -> None:
     """Share of the samples nearer than `level`, of each pixel within HALF of a pixel."""
     for j in range(2 * HALF + 1):
         for i in range(2 * HALF + 1):
@@ -46,8 +46,8 @@ def _cover(disparity: FloatArray, py: int, px: int, level: float, cover: FloatAr
             cover[j, i] = count / (FINE * FINE)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _slope(cover: FloatArray) -> tuple[float, float]:
+@serial
+def _slope(cover: F64) -> tuple[float, float]:
     """First moments of the coverage of a disc along x and y: they point to the near side, whatever the angle."""
     gx, gy = 0.0, 0.0
     for j in range(2 * HALF + 1):
@@ -58,8 +58,8 @@ def _slope(cover: FloatArray) -> tuple[float, float]:
     return gx, gy
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _crosses(profile: FloatArray) -> bool:
+@serial
+def _crosses(profile: F64) -> bool:
     """Whether coverage rises from 0 to 1 and is worth the near half and the middle pixel's part of it."""
     total = profile[0]
     for k in range(1, 2 * HALF + 1):
@@ -69,8 +69,8 @@ def _crosses(profile: FloatArray) -> bool:
     return bool(profile[0] == 0.0 and profile[2 * HALF] == 1.0 and HALF <= total < HALF + 1)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _side(light: FloatArray, cover: FloatArray, value: float, along_x: bool) -> tuple[float, float]:
+@serial
+def _side(light: F64, cover: F64, value: float, along_x: bool) -> tuple[float, float]:
     """Mean and standard deviation of light over three lines' pixels whose coverage is `value`; as large as cover."""
     count, total, squares = 0, 0.0, 0.0
     for k in range(2 * HALF + 1):
@@ -84,14 +84,14 @@ def _side(light: FloatArray, cover: FloatArray, value: float, along_x: bool) -> 
     return mean, math.sqrt(max(0.0, squares / count - mean * mean))
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@serial
 def _share(light: float, far: float, near: float) -> float:
     """How much of a pixel's light is the near side's."""
     return min(1.0, max(0.0, (light - far) / (near - far)))
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _offset(cover: FloatArray, truth: FloatArray, picture: FloatArray, contrast: float) -> float:
+@serial
+def _offset(cover: F64, truth: F64, picture: F64, contrast: float) -> float:
     """By how many pixels the near side reaches farther in the picture than in truth; nan where nothing tells.
 
     All [2 HALF + 1, 2 HALF + 1] about a pixel with a silhouette.
@@ -113,14 +113,14 @@ def _offset(cover: FloatArray, truth: FloatArray, picture: FloatArray, contrast:
     return total * max(abs(gx), abs(gy)) / math.hypot(gx, gy)
 
 
-@numba.njit(cache=True, error_model="numpy", parallel=True, nogil=True)
+@parallel
 def silhouette_offsets(
-    disparity: FloatArray,  # [FINE h, FINE w], 1/m, of truth, everywhere above 0
-    truth: FloatArray,  # [h, w], light: linear in coverage
-    picture: FloatArray,  # [h, w], light
+    disparity: F64,  # [FINE h, FINE w], 1/m, of truth, everywhere above 0
+    truth: F64,  # [h, w], light: linear in coverage
+    picture: F64,  # [h, w], light
     step: float,
     contrast: float,  # least difference of light between the sides
-) -> FloatArray:  # [h, w]
+) -> F64:  # [h, w]
     """How far silhouettes of the picture lie outside those of truth, in pixels along their normal; else nan.
 
     Across a silhouette (along x or y, whichever is nearer to its normal) light is read as a mixture of the near side's
@@ -143,8 +143,8 @@ def silhouette_offsets(
     return offsets
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _behind(line: FloatArray, x: int, step: float, width: int) -> float:
+@serial
+def _behind(line: F64, x: int, step: float, width: int) -> float:
     """The greater disparity of what lies farther on both sides of a sample less than `width` apart, or 0."""
     limit = line[x] / (1.0 + step)
     left = x - 1
@@ -158,8 +158,8 @@ def _behind(line: FloatArray, x: int, step: float, width: int) -> float:
     return max(line[left], line[right])
 
 
-@numba.njit(cache=True, error_model="numpy", parallel=True, nogil=True)
-def thin_structures(disparity: FloatArray, step: float, width: int) -> FloatArray:  # [h, w], [h, w]
+@parallel
+def thin_structures(disparity: F64, step: float, width: int) -> F64:  # [h, w], [h, w]
     """Disparity behind samples of structures at most `width` samples wide across or down; 0 elsewhere."""
     h, w = disparity.shape
     behind = np.zeros((h, w))

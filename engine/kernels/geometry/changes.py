@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import I64, U8, U16
 from ..base import lanes
+from ..base.jit import parallel, serial
 from ..base.lanes import LANES
 from .splits import BLOCK
 
 __all__ = ["changed_blocks", "changed_flags", "kept_blocks", "note_changes", "remade_blocks"]
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-I64 = npt.NDArray[np.int64]
 
 # Where in a tile of 32 x 32 pixels something has changed, along one axis: in its first three, anywhere, in its last
 # two. Blocks reach a pixel farther than their tile, and depth edges are told by two more on either side.
 FIRST, ANY, LAST = 1, 2, 4
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _changed_columns(codes: U16, last: U16, tiles: U8) -> None:
     """Bring a row of `last` up to date; tiles [n]: set the bits of where it was not."""
     w = codes.shape[0]
@@ -42,7 +40,7 @@ def _changed_columns(codes: U16, last: U16, tiles: U8) -> None:
                 tiles[2 * j + half] |= ANY | (FIRST if part & 7 else 0) | (LAST if part >> 30 else 0)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def note_changes(codes: U16, last: U16, tiles: U8) -> None:
     """Bring last [h, w] up to date; tiles [ceil(h / 32), 3, ceil(w / 32)]: bits of where, in columns, a tile's first
     three rows, any, or its last two have changed."""
@@ -57,7 +55,7 @@ def note_changes(codes: U16, last: U16, tiles: U8) -> None:
             tiles[i, 1, j] |= tiles[i, 0, j] | tiles[i, 2, j]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def changed_blocks(tiles: U8, wraps: bool, changed: U8) -> None:
     """changed [rows, columns]: 1 where a block's triangles may not be what they were."""
     rows, columns = changed.shape
@@ -76,7 +74,7 @@ def changed_blocks(tiles: U8, wraps: bool, changed: U8) -> None:
                     changed[i, j] |= (tiles[y, (2, 1, 0)[di + 1], x % across] & meant) != 0
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def changed_flags(changed: U8, wanted: U8) -> None:
     """wanted [ceil(h / 64), ceil(w / 64)]: 1 where flags of pixels may not be what they were (`cuts.mark_broken`)."""
     for a in range(wanted.shape[0]):
@@ -85,7 +83,7 @@ def changed_flags(changed: U8, wanted: U8) -> None:
             wanted[a, b] = changed[max(2 * a - 1, 0) : 2 * a + 2, max(2 * b - 1, 0) : 2 * b + 2].any()
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def remade_blocks(changed: U8, splits: I64, before: I64, remade: U8) -> None:
     """remade [rows, columns]: 1 where a block has changed or its splits [rows, columns, WORDS] have."""
     for row in numba.prange(changed.shape[0]):
@@ -97,7 +95,7 @@ def remade_blocks(changed: U8, splits: I64, before: I64, remade: U8) -> None:
             remade[i, j] = (changed[i, j] != 0) | (other != 0)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@parallel
 def _tiles_with(keep: U8, tiles: U8) -> None:
     """tiles [ceil(h / 32), ceil(w / 32)]: 1 where one of a tile's pixels is kept."""
     h, w = keep.shape
@@ -111,7 +109,7 @@ def _tiles_with(keep: U8, tiles: U8) -> None:
             tiles[i, j] = found != 0
 
 
-@numba.njit(cache=True, nogil=True)
+@serial
 def kept_blocks(keep: U8, wraps: bool, blocks: U8) -> None:
     """blocks [rows, columns]: 1 where a block's triangles have kept pixels, or a block beside it has such."""
     tiles = np.empty(((keep.shape[0] + BLOCK - 1) // BLOCK, (keep.shape[1] + BLOCK - 1) // BLOCK), np.uint8)

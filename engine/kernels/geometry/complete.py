@@ -15,7 +15,9 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from ...support.array_types import F32, U8, U16
+from ..base.jit import inlined, parallel, serial
 
 __all__ = ["MEASURED", "drop_mixed", "first_level", "next_level", "push_level", "push_pixels"]
 
@@ -25,19 +27,15 @@ _COLOUR = 32.0  # difference of 10-bit codes (y + cb + cr) that weakens a spring
 _DECAY = 0.8  # confidence that is left when a level has nothing measured
 _FAINT = 1e-3  # weight of cells without confidence: where there are no others they are better than nothing
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-F32 = npt.NDArray[np.float32]
 
-
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _spring(cell: F32, y: float, cb: float, cr: float) -> float:
     """Strength of the bond between a cell and a colour: Lorentzian, never nothing."""
     d = (abs(y - cell[2]) + abs(cb - cell[3]) + abs(cr - cell[4])) * np.float32(1.0 / _COLOUR)
     return np.float32(1.0) / (np.float32(1.0) + d * d)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _mixed(far_a: int, a: int, code: int, b: int, far_b: int) -> bool:
     """Whether of five codes in a row the middle one lies between two surfaces, on neither of them nor on a slope."""
     low, high = np.int32(min(a, b)), np.int32(max(a, b))
@@ -49,7 +47,7 @@ def _mixed(far_a: int, a: int, code: int, b: int, far_b: int) -> bool:
     return bool(4 * off > step > 4 * max(slope_a, slope_b))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def drop_mixed(codes: U16, edge: float, out: U16) -> None:
     """out [h, w]: the codes, 0 where one lies half way between surfaces more than `edge` codes apart: the sensor saw
     both in one pixel."""
@@ -70,7 +68,7 @@ def drop_mixed(codes: U16, edge: float, out: U16) -> None:
                 out[y, x] = 0
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def first_level(codes: U16, y: U16, cb: U16, cr: U16, level: F32) -> None:
     """Cells of 2x2 pixels; a code of 0 is not measured."""
     h, w = codes.shape
@@ -91,7 +89,7 @@ def first_level(codes: U16, y: U16, cb: U16, cr: U16, level: F32) -> None:
             cell[3], cell[4] = np.float32(cb[j, i]), np.float32(cr[j, i])
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def next_level(fine: F32, coarse: F32) -> None:
     """Cells of 2x2 cells: the mean code of the measured ones, the mean colour of all."""
     h, w = fine.shape[0], fine.shape[1]
@@ -109,7 +107,7 @@ def next_level(fine: F32, coarse: F32) -> None:
                 cell[k] = np.float32(0.25) * (a[k] + b[k] + c[k] + d[k])
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _from_coarse(coarse: F32, j: int, i: int, y: float, cb: float, cr: float) -> tuple[float, float]:
     """Confidence and code for (j, i) of the finer level: of the four coarse cells about it, by distance and colour."""
     y0, x0 = j >> 1, i >> 1
@@ -126,7 +124,7 @@ def _from_coarse(coarse: F32, j: int, i: int, y: float, cb: float, cr: float) ->
     return np.float32(_DECAY) * trust, (wa * a[1] + wb * b[1] + wc * c[1] + wd * d[1]) / (wa + wb + wc + wd)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _relaxed(fine: F32, j: int, i: int) -> float:
     """The mean of a cell's four neighbours' codes, weighted by colour."""
     own = fine[j, i]
@@ -137,7 +135,7 @@ def _relaxed(fine: F32, j: int, i: int) -> float:
     return (wa * a[1] + wb * b[1] + wc * c[1] + wd * d[1]) / (wa + wb + wc + wd)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def push_level(coarse: F32, fine: F32) -> None:
     """Gives the cells of a level that are not measured their confidence and code; the coarser level is complete."""
     h, w = fine.shape[0], fine.shape[1]
@@ -155,13 +153,13 @@ def push_level(coarse: F32, fine: F32) -> None:
                     fine[j, i, 1] = _relaxed(fine, j, i)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _bridged(a: int, b: int, edge: float) -> bool:
     """Whether two codes were measured on one surface."""
     return bool((a > 0) & (b > 0) & (np.float32(abs(a - b)) <= edge))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def push_pixels(codes: U16, y: U16, cb: U16, cr: U16, level: F32, edge: float, out: U16, confidence: U8) -> None:
     """The last step: out and confidence [h, w] of pixels; measured ones are unchanged.
 

@@ -6,16 +6,14 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import I64, U8, U16
 from ..base import lanes
+from ..base.jit import inlined, parallel, serial
 from ..base.lanes import LANES
 
 __all__ = ["BROKEN", "CUT_DOWN", "CUT_RIGHT", "KEPT", "VALID", "mark_broken"]
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-I64 = npt.NDArray[np.int64]
 
 # Bits of a pixel's flags, in the order of `_write_flags`.
 CUT_RIGHT = 1  # no surface between this pixel and its right neighbour
@@ -28,7 +26,7 @@ _BAND = LANES  # rows
 _RIGHT, _DOWN, _VALID, _KEPT = 0, 1, 2, 3  # words of a row
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _pad_row(row: U16, wraps: bool, padded: U16) -> None:
     """A row with its neighbours: one before it and two behind."""
     w = row.shape[0]
@@ -42,7 +40,7 @@ def _pad_row(row: U16, wraps: bool, padded: U16) -> None:
     padded[w + 2] = row[1 % w] if wraps else row[w - 1]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _mark_row(
     rows: U16, y: int, h: int, w: int, keep: U8, has_keep: bool, has_invalid: bool, edge: int, odd: int,
     wraps: bool, near: U8, words: I64,
@@ -71,13 +69,13 @@ def _mark_row(
         words[_RIGHT, n - 1] &= ~(1 << last)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _before(words: I64, j: int, first: int) -> int:
     """The bits of pixels' left neighbours."""
     return (words[j] << 1) | ((words[j - 1] >> 63) & 1 if j > 0 else first)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _behind(words: I64, j: int, last: int, beyond: int) -> int:
     """The bits of pixels' right neighbours; of the row's last pixel, bit `last` of its last word: `beyond`."""
     if j + 1 < words.shape[0]:
@@ -85,7 +83,7 @@ def _behind(words: I64, j: int, last: int, beyond: int) -> int:
     return ((words[j] >> 1) & 0x7FFFFFFFFFFFFFFF & ~(1 << last)) | (beyond << last)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _write_flags(
     above: I64, here: I64, below: I64, has_keep: bool, wraps: bool, wanted: U8, tail: U8, flags: U8
 ) -> None:
@@ -110,7 +108,7 @@ def _write_flags(
             flags[LANES * j :] = tail[: w - LANES * j]
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_broken(
     codes: U16, keep: U8, has_keep: bool, has_invalid: bool, edge: float, wraps: bool, wanted: U8, flags: U8
 ) -> None:

@@ -9,19 +9,17 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import U8, U16
+from ..base.jit import inlined, parallel, serial
 from .cuts import CUT_DOWN, CUT_RIGHT
 
 __all__ = ["ALL", "halve_codes", "halve_plane"]
 
 ALL = 15  # the mask of four texels of one surface
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
 
-
-@numba.njit(cache=True, nogil=True)
+@serial
 def _connected(mask: int, top: int, bottom: int, left: int, right: int) -> int:
     """The texels that hang together with those of a mask; top, bottom, left and right: whether the sides of the
     square they stand on are cut."""
@@ -33,7 +31,7 @@ def _connected(mask: int, top: int, bottom: int, left: int, right: int) -> int:
     return mask
 
 
-@numba.njit(cache=True, nogil=True)
+@serial
 def _of_nearest(codes: U16, cuts: U8, y: int, x: int) -> int:
     """The mask of what hangs together with the nearest of the 2x2 texels at (y, x)."""
     a, b, c, d = codes[y, x], codes[y, x + 1], codes[y + 1, x], codes[y + 1, x + 1]
@@ -44,14 +42,14 @@ def _of_nearest(codes: U16, cuts: U8, y: int, x: int) -> int:
     return _connected(first, top, bottom, left, right)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _mean(a: int, b: int, c: int, d: int, mask: int) -> int:
     i, j, k, m = mask & 1, (mask >> 1) & 1, (mask >> 2) & 1, mask >> 3
     count = i + j + k + m
     return (i * a + j * b + k * c + m * d + (count >> 1)) // count
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def halve_plane(plane: U16, masks: U8, out: U16) -> None:
     """Fill out [h, w] with the means of a plane's [2 h, 2 w] samples that the masks [h, w] name."""
     h, w = out.shape
@@ -69,7 +67,7 @@ def halve_plane(plane: U16, masks: U8, out: U16) -> None:
                 )  # fmt: skip
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def halve_codes(codes: U16, cuts: U8, out: U16, masks: U8) -> None:
     """Fill out and masks [h, w] from depth codes [2 h, 2 w] and where they are cut (`cuts.mark_broken`).
 

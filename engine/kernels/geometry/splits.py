@@ -20,9 +20,10 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import I64, U8, U16
 from ..base import lanes
+from ..base.jit import inlined, parallel, serial
 from .cuts import BROKEN, KEPT
 
 __all__ = [
@@ -39,9 +40,6 @@ __all__ = [
     "split_blocks",
 ]
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-I64 = npt.NDArray[np.int64]
 
 BLOCK = 32
 SIDE = BLOCK + 1  # vertices
@@ -66,7 +64,7 @@ ODD = np.array([sum(1 << x for x in range(s, SIDE, max(2 * s, 1)) if s) for s in
 EVEN = np.array([sum(1 << x for x in range(0, SIDE, max(2 * s, 1)) if s) for s in range(SIDE)], np.int64)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _reaches_out(x: int, y: int, last_x: int, last_y: int) -> bool:
     """Whether the side that a block's vertex is the middle of ends outside the picture."""
     step_x, step_y = x & -x if x else BLOCK, y & -y if y else BLOCK
@@ -75,7 +73,7 @@ def _reaches_out(x: int, y: int, last_x: int, last_y: int) -> bool:
     return beyond_x > last_x or beyond_y > last_y
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _load_block(codes: U16, flags: U8, x0: int, y0: int, limit: int, scratch: U16) -> int:
     """Copy a block's codes and what they demand to the scratch rows; returns what is known of its pixels."""
     h, w = codes.shape
@@ -105,7 +103,7 @@ def _load_block(codes: U16, flags: U8, x0: int, y0: int, limit: int, scratch: U1
     return MIXED if some & KEPT else EMPTY
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _split_block(scratch: U16, tolerance: int, largest: int, parity: int, splits: I64) -> None:
     """The splits that a block by itself wants, from its scratch rows; see `split_blocks`."""
     start = scratch.ctypes.data + 2 * _LEFT
@@ -140,7 +138,7 @@ def _split_block(scratch: U16, tolerance: int, largest: int, parity: int, splits
         s *= 2
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _column(splits: I64, x: int) -> int:
     """A column of a block's splits as a word; the block's corners are not meant."""
     word = 0
@@ -149,7 +147,7 @@ def _column(splits: I64, x: int) -> int:
     return word
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _note_columns(splits: I64, last: int) -> None:
     """Set the last two words; `last` is the number of the last column."""
     some = 0
@@ -158,14 +156,14 @@ def _note_columns(splits: I64, last: int) -> None:
     splits[_FIRST], splits[_LAST] = (_column(splits, 0), _column(splits, last)) if some else (0, 0)
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _set_column(splits: I64, x: int, word: int) -> None:
     while word != 0:
         splits[lanes.lowest(word)] |= 1 << x
         word &= word - 1
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def split_blocks(
     codes: U16, flags: U8, tolerance: int, largest: int, wraps: bool, changed: U8, splits: I64, states: U8
 ) -> None:
@@ -195,7 +193,7 @@ def split_blocks(
                 _note_columns(splits[i, j], last if j == splits.shape[1] - 1 else BLOCK)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@parallel
 def find_mixed(flags: U8, states: U8) -> None:
     """states [rows, columns]: MIXED where a block may have pixels at depth edges, PLAIN where it has none; a small part
     of the work of `split_blocks`."""
@@ -212,7 +210,7 @@ def find_mixed(flags: U8, states: U8) -> None:
                 states[i, j] = MIXED
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _split_parents(splits: I64) -> None:
     """Split the parents of what is split."""
     s = 1
@@ -229,7 +227,7 @@ def _split_parents(splits: I64) -> None:
         s *= 2
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _join_row(splits: I64, i: int, seam: int) -> bool:
     """Take over what the blocks beside those of a row have split on their common sides; whether that changed any."""
     rows, columns = splits.shape[0], splits.shape[1]
@@ -253,7 +251,7 @@ def _join_row(splits: I64, i: int, seam: int) -> bool:
     return changed
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def join_blocks(splits: I64, seam: int) -> None:
     """Split what neighbours have split, and parents of what is split, until nothing changes.
 

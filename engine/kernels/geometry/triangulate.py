@@ -11,18 +11,14 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I32, I64, U8, U16
 from ..base import lanes
+from ..base.jit import inlined, parallel, serial
 from .cuts import CUT_DOWN, CUT_RIGHT, KEPT, VALID
 from .splits import BLOCK, EMPTY, EVEN, MIXED, ODD, PLAIN, SIDE
 
 __all__ = ["BOTH", "RIMS", "SURFACE", "count_triangles", "emit_triangles"]
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
 
 # What is made: the surface, which ends at the centres of pixels at depth edges; the rims, which are what is left of
 # those pixels' squares; or both, which share at most half a quad where a merged triangle reaches into a cut one.
@@ -53,7 +49,7 @@ _LISTED = 8 * (BLOCK - 1) + 4 * BLOCK + 1  # longest list, and a place to spare
 FALLING = ODD[np.minimum(2 * np.arange(SIDE), BLOCK)] >> np.arange(SIDE)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _read_flags(flags: U8, x0: int, y0: int, wraps: bool, state: int, bits: I64) -> None:
     """bits [4, 33]: cuts, mask and validity of a block's pixels as words; of MIXED blocks only."""
     h, w = flags.shape
@@ -79,14 +75,14 @@ def _read_flags(flags: U8, x0: int, y0: int, wraps: bool, state: int, bits: I64)
             bits[_VALID, y] |= ((flag & VALID) != 0) << x
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _note(word: int, y: int, shape: int, words: I64, rows: I32, shapes: I32, count: int) -> int:
     """Add a word to a list if it has bits; returns the list's length."""
     words[count], rows[count], shapes[count] = word, y, shape
     return count + (word != 0)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _list_triangles(
     splits: I64, bits: I64, parity: int, columns: int, rows: int, whole: bool, words: I64, ys: I32, shapes: I32
 ) -> int:
@@ -134,13 +130,13 @@ def _list_triangles(
     return n
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _moved(word: int, columns: int) -> int:
     """A word's bits so many columns to the right."""
     return word << columns if columns >= 0 else word >> -columns
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _count_listed(words: I64, ys: I32, shapes: I32, n: int, used: I64) -> tuple[int, int]:
     """How many vertices and triangles there are in a list; used [33]: words of these vertices."""
     used[:] = 0
@@ -156,7 +152,7 @@ def _count_listed(words: I64, ys: I32, shapes: I32, n: int, used: I64) -> tuple[
     return vertices, triangles
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _count_plain(splits: I64, used: I64) -> tuple[int, int]:
     """As `_count_listed`, of a block that lies in the picture and has no depth edges: every split adds a triangle on
     either side."""
@@ -169,7 +165,7 @@ def _count_plain(splits: I64, used: I64) -> tuple[int, int]:
     return vertices, triangles
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _write_listed(
     words: I64, ys: I32, shapes: I32, n: int, used: I64, numbers: I32, second: int, triangles: I32, at: int
 ) -> int:
@@ -189,20 +185,20 @@ def _write_listed(
     return at
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _cut_quads(bits: I64, y: int, columns: int) -> int:
     """The quads of row y that a depth edge crosses."""
     crossed = bits[_RIGHT, y] | bits[_RIGHT, y + 1] | bits[_DOWN, y] | (bits[_DOWN, y] >> 1)
     return crossed & ((1 << (columns - 1)) - 1)
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _corner(bits: I64, x: int, y: int) -> int:
     """The quads of row y whose corner (x, y) is kept and valid."""
     return (bits[_KEPT, y] & bits[_VALID, y]) >> x
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _count_rims(bits: I64, columns: int, rows: int) -> int:
     """How many quarters of quads the rims are."""
     quarters = 0
@@ -214,7 +210,7 @@ def _count_rims(bits: I64, columns: int, rows: int) -> int:
     return quarters
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def count_triangles(
     flags: U8, splits: I64, states: U8, wraps: bool, parts: int, remade: U8, used: I64, counts: I64
 ) -> None:
@@ -249,7 +245,7 @@ def count_triangles(
                 counts[b, 1] += 2 * quarters
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _turned(camera: F64, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A direction in the camera's axes in the world's."""
     return (
@@ -259,7 +255,7 @@ def _turned(camera: F64, x: float, y: float, z: float) -> tuple[float, float, fl
     )
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@serial(fastmath={"contract"})
 def _write_used(
     codes: U16, x0: int, y0: int, used: I64, coding: F64, camera: F64, across: F64, down: F64,
     points: F32, uv: F32, numbers: I32, at: int,
@@ -291,7 +287,7 @@ def _write_used(
     return at
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _write_point(
     camera: F64, across: F64, down: F64, twice_u: int, twice_v: int, depth: float, points: F32, uv: F32, at: int
 ) -> None:
@@ -304,7 +300,7 @@ def _write_point(
     uv[at, 0], uv[at, 1] = 0.5 * twice_u + 0.5, 0.5 * twice_v + 0.5
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _write_rims(
     codes: U16, x0: int, y0: int, bits: I64, columns: int, rows: int, coding: F64, camera: F64,
     across: F64, down: F64, second: int, points: F32, uv: F32, triangles: I32, v: int, t: int,
@@ -344,7 +340,7 @@ def _write_rims(
                 t += 2
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _copy_block(
     old: I64, old_points: F32, old_uv: F32, old_triangles: I32, start: I64, end: I64,
     points: F32, uv: F32, triangles: I32,
@@ -361,7 +357,7 @@ def _copy_block(
             triangles[start[1] + k, corner] = old_triangles[old[1] + k, corner] + moved
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def emit_triangles(
     codes: U16, flags: U8, splits: I64, states: U8, wraps: bool, parts: int, used: I64, starts: I64,
     coding: F64, camera: F64, across: F64, down: F64, second: int, points: F32, uv: F32, triangles: I32,

@@ -7,21 +7,20 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from ...support.array_types import F32, U8
+from ..base.jit import inlined, parallel
 
 __all__ = ["average_marked", "keep_marked", "mark_silhouettes", "mark_tiles"]
 
-F32 = npt.NDArray[np.float32]
-U8 = npt.NDArray[np.uint8]
 
-
-@numba.njit(inline="always", cache=True)
+@inlined
 def _bends(before: float, here: float, after: float, step: float) -> bool:
     """Whether drawn disparities leave a straight line: a slope is no silhouette."""
     return before > 0.0 and after > 0.0 and abs(before - 2.0 * here + after) > step
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_silhouettes(disparity: F32, step: float, marks: U8) -> None:
     """Mark drawn pixels of which a neighbour left, right, above or below is another surface, or the pixel itself is:
     disparity [h, w] bends by more than `step` there."""
@@ -36,7 +35,7 @@ def mark_silhouettes(disparity: F32, step: float, marks: U8) -> None:
             marks[y, x] = found
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_tiles(marks: U8, side: int, tiles: U8) -> None:
     """tiles: 1 where one of a tile's side x side pixels is marked."""
     h, w = marks.shape
@@ -49,7 +48,7 @@ def mark_tiles(marks: U8, side: int, tiles: U8) -> None:
                     tiles[j, x // side] = 1
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def keep_marked(marks: U8, fine: F32) -> None:
     """Forget what a fine plane has for pixels that are not marked."""
     for row in numba.prange(fine.shape[0]):
@@ -59,7 +58,7 @@ def keep_marked(marks: U8, fine: F32) -> None:
                 fine[y, x] = 0.0
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def average_marked(
     marks: U8, drawn: F32, fine_luma: F32, fine_b: F32, fine_r: F32, luma: F32, chroma_b: F32, chroma_r: F32
 ) -> None:

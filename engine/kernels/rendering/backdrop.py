@@ -6,8 +6,9 @@ from typing import Any
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I64, U8
+from ..base.jit import inlined, parallel, serial
 from ..base.project import unproject_point
 from ..base.sight import looks_through
 from ..base.simd import LANES, any_of, load
@@ -20,13 +21,8 @@ __all__ = ["lay_backdrop"]
 # creases of the coarser backdrop mesh bulge a little.
 _NEARER = 0.03
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
-U8 = npt.NDArray[np.uint8]
 
-
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _present(
     table: F64, addresses: I64, order: I64, camera: F64, x: int, y: int, depth: float, limit: float
 ) -> tuple[float, int]:
@@ -41,7 +37,7 @@ def _present(
     return 0.0, -1
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _may_show(q: Any, live: Any, slack: Any) -> Any:
     """Whether a backdrop's disparity q shows, as far as depths alone tell: 1 / q <= (1 - _NEARER) / live less the slack
     at 1 / q where something was drawn. Of numbers or vectors; slack: of such."""
@@ -49,7 +45,7 @@ def _may_show(q: Any, live: Any, slack: Any) -> Any:
     return (q > 0.0) & (live * (q + slack[0] * q * q) <= most) & (live * (q + slack[1]) <= most)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _push_away(row: F32, push: Slack) -> None:
     """Moves disparities of a row farther away."""
     metres, disparity = np.float32(push[0]), np.float32(push[1])
@@ -58,7 +54,7 @@ def _push_away(row: F32, push: Slack) -> None:
         row[x] = q * q / (q + max(metres * q * q, disparity)) if q > np.float32(0.0) else np.float32(0.0)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _first_to_ask(backdrop: F32, disparity: F32, slack: Slack, x: int) -> int:
     """The first pixel of a row, from x on, of sixteen pixels of which one may show the backdrop."""
     last, around = disparity.shape[0] - LANES, (np.float32(slack[0]), np.float32(slack[1]))
@@ -70,7 +66,7 @@ def _first_to_ask(backdrop: F32, disparity: F32, slack: Slack, x: int) -> int:
     return x
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _lay_pixel(
     backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: Slack, number: int,
     disparity: F32, winner: U8, y: int, x: int,
@@ -98,7 +94,7 @@ def _lay_pixel(
         winner[y, x] = number
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def lay_backdrop(
     backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, push: Slack, slack: Slack, number: int,
     disparity: F32, winner: U8,

@@ -6,21 +6,17 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from ..base.project import PERSPECTIVE
+from ...support.array_types import F32, F64, I64, U8
+from ...support.packed import PERSPECTIVE
+from ..base.jit import inlined, inlined_late, parallel, serial
 from ..base.simd import LANES, Truths, gather_floats, lane_numbers, store_byte_where, to_integers
 from .tiles import TILE
 
 __all__ = ["bound_blocks", "place_points", "place_points_serially", "visible_blocks"]
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
-U8 = npt.NDArray[np.uint8]
 
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def bound_blocks(points: F32, starts: I64, spheres: F32) -> None:
     """spheres [b, 4]: a sphere round each block's points, its radius negative where there are none."""
     for b in range(spheres.shape[0]):
@@ -39,7 +35,7 @@ def bound_blocks(points: F32, starts: I64, spheres: F32) -> None:
         spheres[b, 3] = math.sqrt(radius2) * (1.0 + 1e-5)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _sphere_touches_hole(camera: F64, tiles: U8, x: float, y: float, z: float, r: float) -> bool:
     """Whether the box round a sphere's picture touches a marked tile; the sphere lies before the eye."""
     width, height = int(camera[1]), int(camera[2])
@@ -61,7 +57,7 @@ def _sphere_touches_hole(camera: F64, tiles: U8, x: float, y: float, z: float, r
     return False
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def visible_blocks(spheres: F32, camera: F64, near: float, tiles: U8, visible: I64) -> int:
     """List the blocks that a perspective picture may show (all, for another one); returns their number.
 
@@ -95,9 +91,7 @@ def visible_blocks(spheres: F32, camera: F64, near: float, tiles: U8, visible: I
     return count
 
 
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@serial(fastmath={"contract"})
 def _transform(points: F32, first: int, last: int, camera: F64, screen: F32) -> None:
     """Points first to before last -> screen, see `place_points`."""
     perspective = camera[0] == PERSPECTIVE
@@ -118,7 +112,7 @@ def _transform(points: F32, first: int, last: int, camera: F64, screen: F32) -> 
             screen[i, 0], screen[i, 1], screen[i, 2], screen[i, 3] = x, y, z, 0.0
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _is_nearer(screen: int, i: int, among: Truths, disparity: int, width: int, height: int, margin: float) -> Truths:
     """Of sixteen points from i on: see `place_points`."""
     at = (to_integers(lane_numbers()) << 2) + 4 * i
@@ -129,7 +123,7 @@ def _is_nearer(screen: int, i: int, among: Truths, disparity: int, width: int, h
     return ~inside | (drawn <= 0.0) | (gather_floats(screen, at + 2, among) > drawn + np.float32(margin))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _mark_nearer(screen: F32, first: int, last: int, disparity: F32, margin: float, nearer: U8) -> None:
     """Points first to before last: see `place_points`."""
     h, w = disparity.shape
@@ -158,5 +152,5 @@ def _place_points(
 
 
 # One thread is quicker where there is little to draw.
-place_points = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_place_points)
-place_points_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_place_points)
+place_points = parallel(_place_points)
+place_points_serially = serial(_place_points)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
-import numpy.typing as npt
+
+from ...support.array_types import U8, U16
+from ..base.jit import inlined, serial
 
 __all__ = ["jpeg_planes", "rgb_from_ycbcr", "ycbcr_from_rgb"]
 
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
 
 LUMA_709 = (0.2126, 0.7152, 0.0722)
 LUMA_601 = (0.299, 0.587, 0.114)
@@ -44,24 +43,24 @@ _JPEG_LUMA = (round(LUMA_CB * _SCALE_C), round(LUMA_CR * _SCALE_C))
 _JPEG_CHROMA = tuple(round(c * _SCALE_C) for c in (CB_CB, CB_CR, CR_CB, CR_CR))
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _byte(fixed: np.int32) -> np.uint8:
     return np.uint8(min(max(fixed >> np.int32(SHIFT), np.int32(0)), np.int32(255)))
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _weighted(cb: np.uint16, cr: np.uint16, weight_b: int, weight_r: int) -> np.int32:
     return np.int32(weight_b) * (np.int32(cb) - np.int32(GREY)) + np.int32(weight_r) * (
         np.int32(cr) - np.int32(GREY)
     )
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _luma(y: np.uint16) -> np.int32:
     return np.int32(_SCALE_Y) * (np.int32(y) - np.int32(BLACK)) + np.int32(HALF)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@serial
 def rgb_from_ycbcr(y: U16, cb: U16, cr: U16, rgb: U8) -> None:
     """Write 8-bit R'G'B' [h, w, 3]; every chroma sample covers its 2x2 pixels."""
     h, w = y.shape
@@ -78,7 +77,7 @@ def rgb_from_ycbcr(y: U16, cb: U16, cr: U16, rgb: U8) -> None:
                 rgb[v, u, 2] = _byte(luma + blue)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@serial
 def ycbcr_from_rgb(rgb: U8, y: U16, cb: U16, cr: U16) -> None:
     """Write 10-bit planes from 8-bit R'G'B' [h, w, 3]; a chroma sample is the mean of its 2x2 pixels."""
     h, w = y.shape
@@ -98,7 +97,7 @@ def ycbcr_from_rgb(rgb: U8, y: U16, cb: U16, cr: U16) -> None:
             cr[block_v, block_u] = int(GREY + scale_c * red / (RED_709 * count) + 0.5)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@serial
 def jpeg_planes(y: U16, cb: U16, cr: U16, out_y: U8, out_cb: U8, out_cr: U8) -> None:
     """Write full-range 8-bit BT.601 planes (JFIF): a linear map, no RGB in between.
 

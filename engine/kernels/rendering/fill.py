@@ -11,7 +11,9 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from ...support.array_types import F32, I32, U8, U16
+from ..base.jit import inlined, parallel, serial
 
 __all__ = [
     "CELL",
@@ -24,17 +26,13 @@ __all__ = [
     "refine_level_serially",
 ]
 
-F32 = npt.NDArray[np.float32]
-I32 = npt.NDArray[np.int32]
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
 
 MIXED = 1e-3  # weight, of 1, of a pixel whose colour may be mixed with that of what hides a hole
 UNKNOWN = -1.0  # weight of a cell that nothing is known of and nobody asks for
 CELL = 4  # pixels a side of the pyramid's finest cells
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def first_level(
     disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, near: U8, block: int, level: F32
 ) -> None:
@@ -59,7 +57,7 @@ def first_level(
                 _weigh(disparity, luma, chroma_b, chroma_r, top, left, level[j, i])
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _average(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, top: int, left: int, cell: F32) -> bool:
     """cell [5] of one surface, from a pixel in each row and column; False where it has holes or several surfaces."""
     a, b, c, d = left + 1, left + 3, left, left + 2
@@ -75,7 +73,7 @@ def _average(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, top: int, 
     return True
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _beside_hidden(disparity: F32, y: int, x: int) -> bool:
     """Whether a pixel touches a hole that something hides: its colour may be mixed with that of what does."""
     h, w = disparity.shape
@@ -84,7 +82,7 @@ def _beside_hidden(disparity: F32, y: int, x: int) -> bool:
     return (-np.inf < a <= 0.0) or (-np.inf < b <= 0.0) or (-np.inf < c <= 0.0) or (-np.inf < d <= 0.0)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _weigh(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, top: int, left: int, cell: F32) -> None:
     """cell [5] from all of its pixels, farther surfaces first."""
     bottom, right = min(top + CELL, disparity.shape[0]), min(left + CELL, disparity.shape[1])
@@ -127,11 +125,11 @@ def _next_level(fine: F32, level: F32) -> None:
 
 
 # One thread is quicker for the coarser levels.
-next_level = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_next_level)
-next_level_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_next_level)
+next_level = parallel(_next_level)
+next_level_serially = serial(_next_level)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _worth(q: float, farthest: float) -> float:
     """Weight of a surface: the farther continues behind the nearer."""
     ratio = farthest / q
@@ -140,14 +138,14 @@ def _worth(q: float, farthest: float) -> float:
     return ratio * ratio
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _store(cell: F32, total: float, farthest: float, sum_y: float, sum_b: float, sum_r: float) -> None:
     inverse = 1.0 / total if total > 0.0 else 0.0
     cell[0], cell[1] = min(total, 1.0), farthest
     cell[2], cell[3], cell[4] = sum_y * inverse, sum_b * inverse, sum_r * inverse
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float]:
     """Colour between the four nearest cells of a level (their centres at whole numbers), farther surfaces first."""
     j = min(max(math.floor(row), 0), max(coarse.shape[0] - 2, 0))
@@ -186,11 +184,11 @@ def _refine_level(coarse: F32, fine: F32) -> None:
 
 
 # One thread is quicker for the coarser levels.
-refine_level = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_refine_level)
-refine_level_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_refine_level)
+refine_level = parallel(_refine_level)
+refine_level_serially = serial(_refine_level)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def fade_into_smooth(
     places: I32, layer: I32, level: F32, fade: float, disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32
 ) -> None:
@@ -211,7 +209,7 @@ def fade_into_smooth(
         luma[y, x], chroma_b[y, x], chroma_r[y, x] = sum_y, sum_b, sum_r
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@parallel
 def pack_420(
     luma: F32, chroma_b: F32, chroma_r: F32, y_out: U16, cb_out: U16, cr_out: U16
 ) -> None:

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64
+from ...support.packed import PERSPECTIVE
 from ..base import view_table as t
-from ..base.project import PERSPECTIVE
+from ..base.jit import inlined_late, serial
 from ..base.simd import (
     Floats,
     Integers,
@@ -74,11 +74,8 @@ _RANGE = 16  # codes between four texels within which linear interpolation is as
 _MIXED = 0.03  # weight of a texel at a depth edge: where no other view sees a surface, its rim is painted with it
 _BORDER_PX = 8.0  # over which a view fades out near its border
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
 
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def make_lens(row: F64, camera: F64, lens: F32) -> None:
     """Fill a lens from a view table's row, for the eye of a packed camera."""
     for i in range(3):
@@ -101,12 +98,12 @@ def make_lens(row: F64, camera: F64, lens: F32) -> None:
         lens[TONE_AT + k] = row[t.TONE + k]
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _absolute(x: Floats) -> Floats:
     return maximum(x, -x)
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _angle(ratio: Floats, steep: Truths, negative: Truths) -> Floats:
     """Arc tangent of a ratio in [0, 1] or, where it is `steep`, of its inverse, by a minimax polynomial: within
     3e-7 rad, a thousandth of a pixel."""
@@ -119,7 +116,7 @@ def _angle(ratio: Floats, steep: Truths, negative: Truths) -> Floats:
     return select(negative, -r, r)
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _project(lens: int, q: Floats, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
     """Points in the view's axes, times q -> u, v and depth code; the code is OUTSIDE where there is no image."""
     if load_float(lens, _KIND) == PERSPECTIVE:
@@ -148,7 +145,7 @@ def _project(lens: int, q: Floats, x: Floats, y: Floats, z: Floats) -> tuple[Flo
     return u, v, select(inside, (near - load_float(lens, _OFFSET)) * load_float(lens, _PER_STEP), OUTSIDE)
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _weigh(lens: int, q: Floats, ex: Floats, ey: Floats, ez: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Weights of the view's clean and mixed texels: small angle between its ray and the eye's (e), fine sampling,
     off the border. Where the two rays are within a pixel of each other, a mixed texel is what the eye sees."""
@@ -173,7 +170,7 @@ def _weigh(lens: int, q: Floats, ex: Floats, ey: Floats, ez: Floats, u: Floats, 
     return weight, weight * (_MIXED + (1.0 - _MIXED) * same * same * apart * inverse)
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def aim(
     lens: int, q: Floats, dx: Floats, dy: Floats, dz: Floats, blends: bool
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
@@ -192,21 +189,21 @@ def aim(
     return u, v, code, clean, mixed
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _halves(address: int, at: Integers, last: int, mask: Truths) -> Integers:
     """Single uint16 of an array whose last index is given: not even a byte beyond it is read."""
     start = minimum(at, last - 1)
     return (gather_halves(address, start, mask) >> ((at - start) << 4)) & 0xFFFF
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _bytes(address: int, at: Integers, last: int, mask: Truths) -> Integers:
     """As `_halves`, of uint8: that at the index and the next ones as far as there are any."""
     start = minimum(at, last - 3)
     return gather_bytes(address, start, mask) >> ((at - start) << 3)
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _pairs(
     address: int, at: Integers, width: int, seam: Truths, crosses: bool, mask: Truths
 ) -> tuple[Integers, Integers]:
@@ -219,20 +216,20 @@ def _pairs(
     return left, right
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _cubic_shares(f: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Of the samples at -1, 0, 1 and 2 for a place f in [0, 1): cubic convolution with a = -1/2."""
     g = 1.0 - f
     return -0.5 * f * g * g, 1.0 + f * f * (1.5 * f - 2.5), 1.0 + g * g * (1.5 * g - 2.5), -0.5 * g * f * f
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _pair_of_shares(a: Floats, b: Floats) -> Integers:
     """Two shares as int16, in 2^-14."""
     return (to_integers(a * 16384.0) & 0xFFFF) | (to_integers(b * 16384.0) << 16)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _cubic(address: int, at: Integers, width: int, fx: Floats, fy: Floats, mask: Truths) -> Floats:
     """Cubic convolution of a uint16 plane of colour codes between the sample `at` and those right of it and below.
 
@@ -252,14 +249,14 @@ def _cubic(address: int, at: Integers, width: int, fx: Floats, fy: Floats, mask:
     return (evens(total, rest) + odds(total, rest)) * np.float32(1.0 / 16384.0)
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _is_cut(cuts: int, at: Integers, width: int, last: int, mask: Truths) -> Truths:
     """Whether the surface is cut anywhere between a texel and those to its right and below."""
     here, below = _bytes(cuts, at, last, mask), _bytes(cuts, at + width, last, mask)
     return ((here & (CUT_RIGHT | CUT_DOWN | (CUT_DOWN << 8))) | (below & CUT_RIGHT)) != 0
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def look(
     lens: int, addresses: int, seen: Truths, u: Floats, v: Floats, code: Floats, clean: Floats, mixed: Floats,
     blends: bool, cubic: bool,
@@ -347,7 +344,7 @@ def look(
     return share, luma, u, v, manner
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def chroma_nearest(lens: int, addresses: int, u: Floats, v: Floats, mask: Truths) -> tuple[Floats, Floats]:
     """The chroma sample whose pixels (2x2 or one) hold (u, v): replicated up, as the reference renderers do."""
     width, height, shift = (
@@ -368,14 +365,14 @@ def chroma_nearest(lens: int, addresses: int, u: Floats, v: Floats, mask: Truths
     )
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _chroma_place(lens: int, u: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Where (u, v) lies among the chroma samples, from the middle of the first one: column and row."""
     scale = np.float32(0.5) if load_float(lens, _SUBSAMPLED) > 0.0 else np.float32(1.0)
     return scale * u - 0.5, scale * v - 0.5
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def is_inside_chroma(lens: int, u: Floats, v: Floats) -> Truths:
     """Whether the picture has all four by four chroma samples round (u, v), as `chroma_between` needs; not if NaN."""
     shift = 1 if load_float(lens, _SUBSAMPLED) > 0.0 else 0
@@ -386,7 +383,7 @@ def is_inside_chroma(lens: int, u: Floats, v: Floats) -> Truths:
     return (x >= 1.0) & (y >= 1.0) & (x < np.float32(columns - 2)) & (y < np.float32(rows - 2))
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def chroma_between(lens: int, addresses: int, u: Floats, v: Floats, mask: Truths) -> tuple[Floats, Floats]:
     """Chroma at (u, v) by cubic convolution, where the mask is true: only where `is_inside_chroma` is."""
     shift = 1 if load_float(lens, _SUBSAMPLED) > 0.0 else 0

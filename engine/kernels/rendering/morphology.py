@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from ...support.array_types import F32, U8, U16
+from ..base.jit import inlined, parallel, serial
 
 __all__ = ["SPAN", "blend_steps", "mark_steps"]
 
-F32 = npt.NDArray[np.float32]
-U8 = npt.NDArray[np.uint8]
-U16 = npt.NDArray[np.uint16]
 Planes = tuple[U16, U16, U16]
 
 SPAN = 64  # pixels of a row that are passed over together where there is no silhouette
@@ -24,7 +23,7 @@ DOWN = 2
 _SLOPE = np.float32(1.5)  # steps up to so many times the lesser slope beside them belong to a surface
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan"})
+@serial(fastmath={"nnan"})
 def _mark_row(before: F32, a: F32, b: F32, after: F32, least: float, bit: int, out: U8) -> None:
     """Set a bit of out [n] where a and b, two of four pixels in line, step by more than slopes beside them explain."""
     for x in range(out.shape[0]):
@@ -33,7 +32,7 @@ def _mark_row(before: F32, a: F32, b: F32, after: F32, least: float, bit: int, o
         out[x] |= bit if (excess > slope_a) | (excess > slope_b) else np.uint8(0)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_steps(disparity: F32, step: float, marks: U8, found: U8) -> None:
     """Fill marks [h, w] with RIGHT and DOWN where disparity [h, w] steps by more than `step` and than slopes explain.
 
@@ -62,7 +61,7 @@ def mark_steps(disparity: F32, step: float, marks: U8, found: U8) -> None:
             found[y, j] = some
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _cut_off(k: int, length: int, end: int) -> float:
     """Area that the line from half a pixel aside at a run's end to its middle cuts off the k-th pixel from there."""
     if end == 0:
@@ -72,19 +71,19 @@ def _cut_off(k: int, length: int, end: int) -> float:
     return 0.5 * ((b - a) - (b * b - a * a) / (2.0 * half)) if b > a else 0.0
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _turn(before: int, after: int) -> int:
     """Where a silhouette goes at a run's end: -1 to the side of the first pixels, 1 to the other, 0 neither or both."""
     return (1 if after else 0) - (1 if before else 0)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _mix(source: U16, out: U16, y: int, x: int, other_y: int, other_x: int, share: float) -> None:
     change = share * (float(source[other_y, other_x]) - float(source[y, x]))
     out[y, x] = np.uint16(min(max(float(out[y, x]) + change + 0.5, 0.0), 65535.0))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _blend_run(
     start: int, length: int, line: int, first: int, last: int, upright: bool, sources: Planes, outs: Planes
 ) -> None:
@@ -107,7 +106,7 @@ def _blend_run(
                     _mix(sources[c], outs[c], y >> 1, x >> 1, other_y >> 1, other_x >> 1, 0.25 * share)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def blend_steps(marks: U8, found: U8, sources: Planes, outs: Planes) -> None:
     """Blend the planes of a 4:2:0 picture, `outs`, which hold copies of `sources`, along marked silhouettes.
 

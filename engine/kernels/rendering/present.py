@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numba
-import numpy as np
-import numpy.typing as npt
-
+from ...support.array_types import F64
+from ..base.jit import inlined
 from ..base.project import project_point, unproject_point
 from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
 
@@ -18,10 +16,8 @@ _STEPS = 4
 # of parallax. With all of it, one in 13 of such pixels shows a surface that its ray passes by.
 _CROSSES = 0.125
 
-F64 = npt.NDArray[np.float64]
 
-
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def present_depth(row: F64, codes: int, camera: F64, x: int, y: int, depth: float) -> float:
     """The depth at which a view's surface crosses a pixel's ray, searched from a first guess on; 0 where none is found.
 

@@ -12,22 +12,17 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I32, I64, U8
+from ..base.jit import parallel, serial
 from ..base.simd import LANES
 from .sorting import winding
 from .strips import CLIPPED, SET_UP_SIZE, draw_triangle, row_count, set_up
 
 __all__ = ["draw_bands", "draw_bands_serially"]
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-U8 = npt.NDArray[np.uint8]
 
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _clip(screen: F32, corners: I32, camera: F64, near: float, polygon: F32) -> int:
     """Clip a triangle at the plane `near` in front of the eye; returns how many corners of polygon [4, 4], as `screen`
     has points, are left. Triangles with a side in common get the same corners there."""
@@ -51,7 +46,7 @@ def _clip(screen: F32, corners: I32, camera: F64, near: float, polygon: F32) -> 
     return n
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _draw_clipped(
     screen: F32, triangle: I32, camera: F64, near: float, first: int, last: int,
     view: int, margin: float, disparity: F32, winner: U8,
@@ -69,7 +64,7 @@ def _draw_clipped(
         draw_triangle(ready.ctypes.data, lane, disparity.ctypes.data, winner.ctypes.data, w, margin, view)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _draw_listed(
     screen: F32, triangles: I32, listed: I32, count: int, camera: F64, near: float, first: int, last: int,
     view: int, margin: float, disparity: F32, winner: U8, ready: F32,
@@ -116,5 +111,5 @@ def _draw_bands(
 
 
 # One thread is quicker where there is little to draw.
-draw_bands = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_draw_bands)
-draw_bands_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_draw_bands)
+draw_bands = parallel(_draw_bands)
+draw_bands_serially = serial(_draw_bands)

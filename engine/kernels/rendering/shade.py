@@ -18,9 +18,11 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from ..base.project import PERSPECTIVE, project_point, unproject_point
+from ...support.array_types import F32, F64, I64, U8
+from ...support.packed import PERSPECTIVE
+from ..base.jit import inlined, inlined_late, parallel, serial
+from ..base.project import project_point, unproject_point
 from ..base.simd import (
     LANES,
     Floats,
@@ -62,13 +64,8 @@ _SHARE, _LUMA, _U, _V, _MANNER, _CODE, _CLEAN, _MIXED, _FIELDS = 0, 1, 2, 3, 4, 
 _ROOM = 7  # vectors a part for a cell's pixels and sums
 _APART_PX = 3.0  # between a block's pixels in a view, beyond which they have no chroma in common
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
-U8 = npt.NDArray[np.uint8]
 
-
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _colour_of_winner(
     table: F64, addresses: I64, k: int, u: float, v: float, code: float
 ) -> tuple[float, float, float]:
@@ -120,7 +117,7 @@ def _colour_of_winner(
     return luma, float(load_texel(addresses[k, 2], at)), float(load_texel(addresses[k, 3], at))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _shade_by_winner(
     table: F64, addresses: I64, k: int, camera: F64, y: int, x: int, disparity: float
 ) -> tuple[float, float, float]:
@@ -132,7 +129,7 @@ def _shade_by_winner(
     return toned(table[k, TONE:], luma, b, r)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _directions(camera: F64, width: int, across: F32) -> None:
     """across [2, >= width]: what a column adds to the eye's directions (`_row_of_directions`)."""
     for x in range(width):
@@ -144,7 +141,7 @@ def _directions(camera: F64, width: int, across: F32) -> None:
     across[:, width:] = 0.0
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _row_of_directions(camera: F64, y: int) -> tuple[float, float]:
     """Scale and height of a row: the direction of depth 1 is (scale * across[0], scale * across[1], height)."""
     if camera[0] == PERSPECTIVE:
@@ -153,23 +150,23 @@ def _row_of_directions(camera: F64, y: int) -> tuple[float, float]:
     return math.cos(theta), math.sin(theta)
 
 
-@numba.njit(forceinline=True, cache=True)
+@inlined_late
 def _field(seen: int, k: int, part: int, field: int) -> Floats:
     return load(seen, ((k * _FIELDS + field) * _PARTS + part) * LANES)
 
 
-@numba.njit(forceinline=True, cache=True)
+@inlined_late
 def _put(seen: int, k: int, part: int, field: int, values: Floats) -> None:
     store(seen, ((k * _FIELDS + field) * _PARTS + part) * LANES, values)
 
 
-@numba.njit(forceinline=True, cache=True)
+@inlined_late
 def _by_block(left: Floats, right: Floats) -> Floats:
     """Sums of two columns each."""
     return evens(left, right) + odds(left, right)
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _sum(seen: int, k: int, field: int) -> Floats:
     """Of each block in view k, a field's sum by the pixels' shares; what has none may be anything, even no number."""
     total = spread(0.0)
@@ -180,7 +177,7 @@ def _sum(seen: int, k: int, field: int) -> Floats:
     return total
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _most(seen: int, k: int, field: int, sign: float) -> Floats:
     """Of each block in view k, the largest of a field, times a sign, among the pixels that the view sees."""
     most = spread(-1e9)
@@ -192,7 +189,7 @@ def _most(seen: int, k: int, field: int, sign: float) -> Floats:
     return most
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _nearest(lens: int, addresses: int, seen: int, k: int) -> tuple[Floats, Floats]:
     """Chroma of each block in view k as the sum over its pixels, each with the sample nearest to it."""
     sum_b, sum_r = spread(0.0), spread(0.0)
@@ -207,7 +204,7 @@ def _nearest(lens: int, addresses: int, seen: int, k: int) -> tuple[Floats, Floa
     return sum_b, sum_r
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _colour_blocks(lens: int, addresses: int, cubic: bool, seen: int, k: int, weight: Floats) -> tuple[Floats, Floats]:
     """Chroma of a cell's blocks in view k, times their weight: that of each pixel or, where the block is smooth in the
     view but its colours are rough, that of its middle by cubic convolution if the view has all samples for it."""
@@ -228,7 +225,7 @@ def _colour_blocks(lens: int, addresses: int, cubic: bool, seen: int, k: int, we
     return b, r
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _colour_cell(
     lenses: int, addresses: int, n: int, cubic: bool, seen: int, inverses: int
 ) -> tuple[Floats, Floats, Floats]:
@@ -255,7 +252,7 @@ def _colour_cell(
     return sum_b, sum_r, count
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _aim_cell(lens: int, blends: bool, pixels: int, seen: int, k: int) -> None:
     """Where view k would see a cell's pixels.
 
@@ -272,7 +269,7 @@ def _aim_cell(lens: int, blends: bool, pixels: int, seen: int, k: int) -> None:
         _put(seen, k, part, _MIXED, mixed)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _look_cell(lens: int, addresses: int, blend: int, cubic: bool, pixels: int, seen: int, k: int, sums: int) -> bool:
     """Ask view k for the pixels of a cell that are still open; returns whether any are left."""
     left = spread(0.0)
@@ -298,7 +295,7 @@ def _look_cell(lens: int, addresses: int, blend: int, cubic: bool, pixels: int, 
     return any_of(left > 0.0)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _see_cell(lenses: int, addresses: int, n: int, blend: int, cubic: bool, pixels: int, seen: int, sums: int) -> int:
     """Ask n views for a cell; returns how many were asked.
 
@@ -319,7 +316,7 @@ def _see_cell(lenses: int, addresses: int, n: int, blend: int, cubic: bool, pixe
     return k
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _shade_pair(
     camera: F64, y: int, width: int, near: int, across: int, lenses: int, addresses: int, n: int, blend: int,
     cubic: bool, room: int, lumas: int, chromas: int,
@@ -352,13 +349,13 @@ def _shade_pair(
         store(chromas, width + (x >> 1), count)
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _are_coloured(drawn: int, luma: int, x: int) -> bool:
     """Whether none of sixteen pixels was drawn but not coloured (luma below 0)."""
     return not any_of((load(drawn, x) > 0.0) & (load(luma, x) < 0.0))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _ask_winners(
     table: F64, addresses: I64, camera: F64, y: int, drawn: F32, winner: U8, luma: F32, chromas: F32
 ) -> None:
@@ -376,12 +373,12 @@ def _ask_winners(
                 chromas[2, x >> 1] += 1.0
 
 
-@numba.njit(forceinline=True, cache=True)
+@inlined_late
 def _store_where(some: Truths, address: int, x: int, values: Floats) -> None:
     store(address, x, select(some, values, load(address, x)))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _write_cell(drawn: int, luma: int, chroma_b: int, chroma_r: int, out: int, out_b: int, out_r: int, x: int) -> None:
     """Write what is drawn of 32 pixels of a row; chroma_b and chroma_r are those of its blocks."""
     left, right = load(drawn, x) > 0.0, load(drawn, x + LANES) > 0.0
@@ -395,7 +392,7 @@ def _write_cell(drawn: int, luma: int, chroma_b: int, chroma_r: int, out: int, o
     _store_where(right, out_r, x + LANES, zipped_rest(r, r))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _write_row(drawn: F32, luma: F32, chroma_b: F32, chroma_r: F32, out: F32, out_b: F32, out_r: F32) -> None:
     """Write what is drawn of a row, within the codes."""
     w = drawn.shape[0]
@@ -410,7 +407,7 @@ def _write_row(drawn: F32, luma: F32, chroma_b: F32, chroma_r: F32, out: F32, ou
             out[x], out_b[x], out_r[x] = min(max(luma[x], 0.0), LARGEST), chroma_b[x >> 1], chroma_r[x >> 1]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _shade_rows(
     first: int, last: int, disparity: F32, winner: U8, camera: F64, across: F32, full: F64, full_addresses: I64,
     lenses: F32, addresses: I64, blend: int, cubic: bool, luma: F32, chroma_b: F32, chroma_r: F32,
@@ -444,7 +441,7 @@ def _shade_rows(
             _write_row(disparity[v], lumas[row], chromas[0], chromas[1], luma[v], chroma_b[v], chroma_r[v])
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def shade(
     disparity: F32, winner: U8, camera: F64, full: F64, full_addresses: I64, table: F64, addresses: I64,
     n_views: int, blend: int, cubic: bool,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I32, I64, U8
+from ..base.jit import inlined, parallel, serial
 from ..base.simd import (
     LANES,
     Floats,
@@ -30,21 +31,16 @@ __all__ = ["sort_into_bands", "sort_into_bands_serially", "winding"]
 _SMALL_PX = 3.0
 _TILE_BITS = TILE.bit_length() - 1
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-U8 = npt.NDArray[np.uint8]
 Box = tuple[Floats, Floats, Floats, Floats]  # left, right, top, bottom
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def winding(camera: F64) -> int:
     """`second` of `strips.corners` for a perspective target: a mirrored picture winds the other way."""
     return 2 if camera[3] * camera[4] < 0.0 else 1
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _touch(tiles: int, columns: int, rows: int, box: Box, marks: Integers, among: Truths) -> Truths:
     """Whether boxes touch a tile with one of some marks; tiles are uint8 [rows, columns] and three bytes more."""
     left = to_integers(maximum(box[0] - 1.0, 0.0)) >> _TILE_BITS
@@ -61,7 +57,7 @@ def _touch(tiles: int, columns: int, rows: int, box: Box, marks: Integers, among
     return found
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _may_win(
     points: Corners, nearer: int, tiles: int, columns: int, rows: int, box: Box, among: Truths
 ) -> Truths:
@@ -74,7 +70,7 @@ def _may_win(
     return found | _touch(tiles, columns, rows, box, marks, among & ~found)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _look_at(
     screen: int, triangles: int, number: Integers, among: Truths, second: int, width: int, height: int, near: float,
     tiles: U8, open_tiles: U8, nearer: U8,
@@ -143,5 +139,5 @@ def _sort_into_bands(
 
 
 # One thread is quicker where there is little to draw.
-sort_into_bands = numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")(_sort_into_bands)
-sort_into_bands_serially = numba.njit(cache=True, nogil=True, error_model="numpy")(_sort_into_bands)
+sort_into_bands = parallel(_sort_into_bands)
+sort_into_bands_serially = serial(_sort_into_bands)

@@ -5,51 +5,46 @@ from __future__ import annotations
 import math
 
 import numba
-import numpy as np
-import numpy.typing as npt
 
+from ...support.array_types import F32, F64, I32, I64, U8
+from ..base.jit import inlined, parallel, serial
 from .strips import SIDE_PX
 
 __all__ = ["azimuths", "draw_bands", "elevations", "sort_into_bands"]
 
-F32 = npt.NDArray[np.float32]
-F64 = npt.NDArray[np.float64]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-U8 = npt.NDArray[np.uint8]
 Direction = tuple[float, float, float]
 
 _HALF_TURN = 3.0  # radians: less than pi, where sides could go either way round
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _direction(screen: F32, i: int) -> tuple[float, float, float]:
     return float(screen[i, 0]), float(screen[i, 1]), float(screen[i, 2])
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _cross(p: Direction, r: Direction) -> Direction:
     return p[1] * r[2] - p[2] * r[1], p[2] * r[0] - p[0] * r[2], p[0] * r[1] - p[1] * r[0]
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _dot(p: Direction, r: Direction) -> float:
     return p[0] * r[0] + p[1] * r[1] + p[2] * r[2]
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _normal(a: Direction, b: Direction, c: Direction) -> Direction:
     """Of the plane of three corners; towards who sees them counterclockwise."""
     return _cross((b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]))
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _turn(p: Direction, r: Direction) -> float:
     """From one direction's azimuth to another's the shorter way round, -pi to pi."""
     return math.atan2(p[0] * r[1] - p[1] * r[0], p[0] * r[0] + p[1] * r[1])
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def azimuths(a: Direction, b: Direction, c: Direction) -> tuple[float, float]:
     """The least and the largest azimuth of a triangle on the sphere, not wrapped; more than half a turn apart where it
     has a pole inside or cannot be told from one that has.
@@ -63,7 +58,7 @@ def azimuths(a: Direction, b: Direction, c: Direction) -> tuple[float, float]:
     return first + min(0.0, min(ab, ab + bc)), first + max(0.0, max(ab, ab + bc))
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def elevations(a: Direction, b: Direction, c: Direction, width: float) -> tuple[float, float]:
     """Bounds of the elevations of a triangle on the sphere that is so wide in azimuth, see `azimuths`.
 
@@ -80,7 +75,7 @@ def elevations(a: Direction, b: Direction, c: Direction, width: float) -> tuple[
     return math.atan(low * bulge if low < 0.0 else low), math.atan(high * bulge if high > 0.0 else high)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _rows(a: Direction, b: Direction, c: Direction, camera: F64) -> tuple[int, int]:
     """First and last row that a triangle may touch, an empty range where it is seen from behind."""
     if _dot(_normal(a, b, c), a) >= 0.0:
@@ -92,14 +87,14 @@ def _rows(a: Direction, b: Direction, c: Direction, camera: F64) -> tuple[int, i
     return max(0, int(first)), min(int(camera[2]) - 1, int(last))
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _side(p: Direction, r: Direction, camera: F64) -> tuple[float, float, float, float]:
     """The plane through the eye and a side: directions whose product with it is no less than its last are inside."""
     x, y, z = _cross(r, p)
     return x, y, z, -SIDE_PX * camera[6] * math.sqrt(x * x + y * y + z * z)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _draw_triangle(
     a: Direction, b: Direction, c: Direction, camera: F64, columns: F32, rows: F32, first: int, last: int,
     view: int, margin: float, disparity: F32, winner: U8,
@@ -138,7 +133,7 @@ def _draw_triangle(
                     winner[y, x] = view
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def sort_into_bands(
     screen: F32, triangles: I32, starts: I64, visible: I64, shares: I64, camera: F64, band_rows: int,
     counts: I64, lists: I32, drawn: I64,
@@ -160,7 +155,7 @@ def sort_into_bands(
                     counts[chunk, band] += 1
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def draw_bands(
     screen: F32, triangles: I32, camera: F64, columns: F32, rows: F32, band_rows: int, counts: I64, lists: I32,
     view: int, margin: float, disparity: F32, winner: U8,

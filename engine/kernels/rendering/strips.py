@@ -11,9 +11,9 @@ where a triangle is as large as the picture, and less in smaller ones.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from ..base.jit import inlined_late, serial
 from ..base.simd import (
     LANES,
     Floats,
@@ -62,7 +62,7 @@ SET_UP_SIZE = _FIELDS * LANES
 Corners = tuple[Integers, Integers, Integers]
 
 
-@numba.njit(forceinline=True, cache=True)
+@inlined_late
 def corners(triangles: int, number: Integers, second: int, among: Truths) -> Corners:
     """Points of triangles of these numbers; int32 [n, 3] at that address. `second` is 2 where they wind the other way,
     1 otherwise."""
@@ -71,14 +71,14 @@ def corners(triangles: int, number: Integers, second: int, among: Truths) -> Cor
     return gather_integers(triangles, at, among), b, c
 
 
-@numba.njit(forceinline=True, cache=True)
+@inlined_late
 def on_screen(screen: int, points: Corners, field: int, among: Truths) -> tuple[Floats, Floats, Floats]:
     """One of the four fields of triangles' points; screen float32 [n, 4] at that address."""
     a, b, c = (points[0] << 2) + field, (points[1] << 2) + field, (points[2] << 2) + field
     return gather_floats(screen, a, among), gather_floats(screen, b, among), gather_floats(screen, c, among)
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def extent(a: Floats, b: Floats, c: Floats, size: int) -> tuple[Floats, Floats]:
     """The first and the last pixel whose centre triangles may cover, along an axis of `size` pixels."""
     low, high = minimum(a, minimum(b, c)), maximum(a, maximum(b, c))
@@ -87,17 +87,17 @@ def extent(a: Floats, b: Floats, c: Floats, size: int) -> tuple[Floats, Floats]:
     return maximum(first, 0.0), minimum(last, np.float32(size - 1))
 
 
-@numba.njit(forceinline=True, cache=True)
+@inlined_late
 def _put(out: int, field: int, values: Floats) -> None:
     store(out, field * LANES, values)
 
 
-@numba.njit(forceinline=True, cache=True)
+@inlined_late
 def _absolute(x: Floats) -> Floats:
     return maximum(x, -x)
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _put_side(out: int, side: int, rise: Floats, run: Floats, across: Floats, down: Floats) -> None:
     """A side from a point that lies so far before the first pixel: rise * across - run * down, 0 or more inside."""
     slack = np.float32(SIDE_PX) * (_absolute(rise) + _absolute(run))
@@ -106,7 +106,7 @@ def _put_side(out: int, side: int, rise: Floats, run: Floats, across: Floats, do
     _put(out, _SIDES + 3 * side + 2, -run)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def set_up(
     screen: int, triangles: int, listed: int, count: int, second: int, near: float, first: int, last: int,
     width: int, height: int, out: int,
@@ -153,18 +153,18 @@ def set_up(
     _put(out, _PLANE, qa + q_du * (u - ua) + q_dv * (v - va))
 
 
-@numba.njit(forceinline=True, cache=True)
+@inlined_late
 def _get(ready: int, lane: int, field: int) -> float:
     return load_float(ready, field * LANES + lane)
 
 
-@numba.njit(forceinline=True, cache=True)
+@inlined_late
 def row_count(ready: int, lane: int) -> int:
     """Rows of one of the triangles that `set_up` prepared; CLIPPED where it crosses the plane of the eye."""
     return int(_get(ready, lane, _ROWS))
 
 
-@numba.njit(forceinline=True, cache=True, error_model="numpy")
+@inlined_late
 def _draw_strip(
     disparity: int, winner: int, width: int, column: Floats, within: Truths, whole: bool, rows: int, ready: int,
     lane: int, margin: float, view: int,
@@ -193,7 +193,7 @@ def _draw_strip(
         at += width
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def draw_triangle(
     ready: int, lane: int, disparity: int, winner: int, width: int, margin: float, view: int
 ) -> None:

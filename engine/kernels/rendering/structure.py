@@ -15,14 +15,13 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
-import numpy.typing as npt
+
+from ...support.array_types import F32, I32
+from ..base.jit import inlined, serial
 
 __all__ = ["ANGLES", "LEVELS", "SAME", "WINDOW", "continue_structure", "disc_weights", "spread_depths"]
 
-F32 = npt.NDArray[np.float32]
-I32 = npt.NDArray[np.int32]
 
 ANGLES = 32  # directions, over half a turn, that structure may run in
 LEVELS = 9  # of sureness that it does
@@ -52,7 +51,7 @@ def disc_weights(radius: float, sharpness: float) -> tuple[I32, F32]:
     return np.stack([rows, columns], axis=-1).astype(np.int32), weights.reshape(-1, len(rows)).astype(np.float32)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def spread_depths(disparity: F32, places: I32, index: I32, rims: I32, rise: float, depths: F32) -> None:
     """Write depths from the holes' rims: `rise` is how much disparity may differ between what goes on at a hole and
     what hides it, for each pixel that they are apart.
@@ -78,7 +77,7 @@ def spread_depths(disparity: F32, places: I32, index: I32, rims: I32, rise: floa
         disparity[places[n, 0], places[n, 1]] = -depths[n, 0] if hidden else -np.inf
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _sweep(disparity: F32, places: I32, index: I32, rise: float, forward: bool, depths: F32) -> bool:
     """Spread depths to the right and down, or to the left and up; returns whether anything changed."""
     h, w = disparity.shape
@@ -101,13 +100,13 @@ def _sweep(disparity: F32, places: I32, index: I32, rise: float, forward: bool, 
     return changed
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _goes_on(disparity: F32, y: int, x: int, limit: float) -> bool:
     """Whether a drawn pixel belongs to a surface that goes on where disparities up to `limit` do."""
     return 0.0 < disparity[y, x] <= limit
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _sort_into_layers(
     disparity: F32, places: I32, index: I32, rims: I32, depths: F32, layers: int, layer: I32, order: I32
 ) -> int:
@@ -139,7 +138,7 @@ def _sort_into_layers(
     return count
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _measure(disparity: F32, luma: F32, y: int, x: int, limit: float, tensor: F32) -> None:
     """tensor [3]: structure tensor (xx, xy, yy) of what goes on, round a pixel."""
     h, w = disparity.shape
@@ -156,7 +155,7 @@ def _measure(disparity: F32, luma: F32, y: int, x: int, limit: float, tensor: F3
                 tensor[2] += gy * gy
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _hand_on(disparity: F32, index: I32, layer: I32, y: int, x: int, own: int, tensors: F32, tensor: F32) -> None:
     """tensor [3]: the mean of those of the neighbours in earlier layers."""
     h, w = disparity.shape
@@ -171,7 +170,7 @@ def _hand_on(disparity: F32, index: I32, layer: I32, y: int, x: int, own: int, t
         tensor[k] /= np.float32(count)
 
 
-@numba.njit(inline="always", cache=True, error_model="numpy")
+@inlined
 def _row_of_weights(tensor: F32) -> int:
     """Which weights fit a structure tensor."""
     xx, xy, yy = tensor[0], tensor[1], tensor[2]
@@ -181,7 +180,7 @@ def _row_of_weights(tensor: F32) -> int:
     return turn * LEVELS + int(coherence * coherence * (LEVELS - 1) + 0.5)
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _at_a_hole(disparity: F32, y: int, x: int) -> bool:
     h, w = disparity.shape
     return (
@@ -190,7 +189,7 @@ def _at_a_hole(disparity: F32, y: int, x: int) -> bool:
     )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def continue_structure(
     disparity: F32, places: I32, index: I32, rims: I32, depths: F32, layers: int, offsets: I32, weights: F32,
     layer: I32, luma: F32, chroma_b: F32, chroma_r: F32,

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from ...support.array_types import F32, I32, U8
+from ..base.jit import inlined, parallel, serial
 
 __all__ = ["HOLE", "SILHOUETTE", "TILE", "count_holes", "list_holes", "list_rims", "mark_open_tiles", "recount_holes"]
 
 TILE = 8  # pixels
 SILHOUETTE, HOLE = 1, 2  # marks of tiles (`mark_open_tiles`)
 
-F32 = npt.NDArray[np.float32]
-I32 = npt.NDArray[np.int32]
-U8 = npt.NDArray[np.uint8]
 
-
-@numba.njit(cache=True, nogil=True)
+@serial
 def _by_tile(found: U8, tiles: U8) -> None:
     """tiles [ceil(w / TILE)]: what was found in a tile's columns of found [w]."""
     for i in range(tiles.shape[0]):
@@ -26,7 +24,7 @@ def _by_tile(found: U8, tiles: U8) -> None:
         tiles[i] = some
 
 
-@numba.njit(cache=True, nogil=True)
+@serial
 def _count_row(row: F32, counts: U8) -> None:
     """Add to counts [ceil(w / TILE)] the holes of a row."""
     whole = row.shape[0] // TILE
@@ -39,7 +37,7 @@ def _count_row(row: F32, counts: U8) -> None:
         counts[whole] += np.uint8(row[x] <= np.float32(0.0))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@parallel
 def count_holes(disparity: F32, tiles: U8) -> None:
     """tiles [ceil(h / TILE), ceil(w / TILE)]: how many pixels of a tile nothing was drawn to."""
     h = disparity.shape[0]
@@ -50,7 +48,7 @@ def count_holes(disparity: F32, tiles: U8) -> None:
             _count_row(disparity[y], tiles[j])
 
 
-@numba.njit(cache=True, nogil=True)
+@serial
 def recount_holes(disparity: F32, tiles: U8) -> None:
     """As `count_holes`, where holes only became fewer since: tiles without any are not looked at."""
     h, w = disparity.shape
@@ -64,7 +62,7 @@ def recount_holes(disparity: F32, tiles: U8) -> None:
                 tiles[j, i] = n
 
 
-@numba.njit(cache=True, nogil=True)
+@serial
 def list_holes(disparity: F32, tiles: U8, places: I32, index: I32) -> None:
     """Holes in reading order: places [n, 2] their rows and columns, index [h, w] each one's number, written there only.
     tiles: what `count_holes` gives."""
@@ -80,7 +78,7 @@ def list_holes(disparity: F32, tiles: U8, places: I32, index: I32) -> None:
                         n += 1
 
 
-@numba.njit(inline="always", cache=True)
+@inlined
 def _is_deep(tiles: U8, j: int, i: int) -> bool:
     """Whether a tile and those round it are nothing but holes, as far as the picture goes."""
     if tiles[j, i] < TILE * TILE:
@@ -92,7 +90,7 @@ def _is_deep(tiles: U8, j: int, i: int) -> bool:
     return True
 
 
-@numba.njit(cache=True, nogil=True)
+@serial
 def list_rims(disparity: F32, tiles: U8, index: I32, rims: I32) -> int:
     """rims [n]: numbers, in `index`, of the holes that touch a pixel with something drawn to it; returns how many.
     tiles, index: of `count_holes` and `list_holes`."""
@@ -116,7 +114,7 @@ def list_rims(disparity: F32, tiles: U8, index: I32, rims: I32) -> int:
     return count
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@serial
 def _mark_open_row(above: F32, row: F32, below: F32, step: float, found: U8) -> None:
     """found [w]: HOLE where nothing was drawn, SILHOUETTE where disparities bend by more than `step`."""
     w = row.shape[0]
@@ -130,7 +128,7 @@ def _mark_open_row(above: F32, row: F32, below: F32, step: float, found: U8) -> 
         found[x + 1] |= np.uint8(SILHOUETTE) if bend > step else np.uint8(0)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+@parallel
 def mark_open_tiles(disparity: F32, step: float, tiles: U8) -> None:
     """tiles [ceil(h / TILE), ceil(w / TILE)]: HOLE where a tile has a pixel that nothing was drawn to, SILHOUETTE where
     it has one of those, or both.

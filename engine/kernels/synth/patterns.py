@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 
-import numba
-import numpy as np
-import numpy.typing as npt
+from ...support.array_types import F64
+from ..base.jit import serial
 
 __all__ = [
     "BRICKS",
@@ -31,11 +30,10 @@ __all__ = [
 MATERIAL_SIZE = 10
 NOISE, CHECKER, BRICKS, PLANKS, TILES, STRIPES, MARBLE, PICTURE = range(8)
 
-FloatArray = npt.NDArray[np.float64]
 Colour = tuple[float, float, float]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _scramble(n: int) -> float:
     n &= 0xFFFFFFFF
     n ^= n >> 16
@@ -46,13 +44,13 @@ def _scramble(n: int) -> float:
     return n / 4294967296.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def hash_unit(x: int, y: int, z: int, seed: int) -> float:
     """Lattice point and seed -> a number in [0, 1), the same on every machine."""
     return _scramble((x * 73856093) ^ (y * 19349663) ^ (z * 83492791) ^ (seed * 2654435761))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def value_noise(x: float, y: float, z: float, seed: int) -> float:
     """Smooth noise in [-1, 1] with one random value (`hash_unit`) a lattice point."""
     i, j, k = math.floor(x), math.floor(y), math.floor(z)
@@ -78,7 +76,7 @@ def value_noise(x: float, y: float, z: float, seed: int) -> float:
     return 2.0 * (a + fz * (e - a)) - 1.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def fractal_noise(x: float, y: float, z: float, size: float, seed: int, footprint: float) -> float:
     """Seven octaves from cells of `size` metres down; an octave goes as its cells near the footprint."""
     total, amplitude, cell = 0.0, 0.5, size
@@ -92,7 +90,7 @@ def fractal_noise(x: float, y: float, z: float, size: float, seed: int, footprin
     return total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _covered(x: float, period: float, width: float, footprint: float) -> float:
     """Share of [x - footprint / 2, x + footprint / 2] inside stripes of `width` every `period`."""
     low, high = x - 0.5 * footprint, x + 0.5 * footprint
@@ -102,12 +100,12 @@ def _covered(x: float, period: float, width: float, footprint: float) -> float:
     return inside / footprint
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _cell_fade(cell: float, footprint: float) -> float:
     return min(max(0.5 * cell / footprint - 0.5, 0.0), 1.0)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _laid(
     u: float, v: float, length: float, height: float, gap: float, seed: int, footprint: float
 ) -> Colour:
@@ -123,7 +121,7 @@ def _laid(
     return share, tint, float(column + 57 * row)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _checker(u: float, v: float, cell: float, footprint: float) -> float:
     f = footprint / cell
     total = 1.0
@@ -134,7 +132,7 @@ def _checker(u: float, v: float, cell: float, footprint: float) -> float:
     return 0.5 - 0.5 * total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _text(s: float, t: float, seed: int, footprint: float) -> float:
     """Lines of made-up letters over the unit square, eight lines of 3 x 5 dots a letter; the ink's share."""
     line, column = math.floor(t * 8.0), math.floor(s * 24.0)
@@ -145,7 +143,7 @@ def _text(s: float, t: float, seed: int, footprint: float) -> float:
     return 0.58 + (ink - 0.58) * _cell_fade(1.0 / 48.0, footprint)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _picture(u: float, v: float, half_u: float, half_v: float, seed: int, footprint: float) -> Colour:
     """A painting over a face of the given half sizes: a graded ground, a dozen forms, some with a caption."""
     s, t = 0.5 + 0.5 * u / half_u, 0.5 - 0.5 * v / half_v
@@ -173,9 +171,9 @@ def _picture(u: float, v: float, half_u: float, half_v: float, seed: int, footpr
     return r, g, b
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def pattern_colour(
-    materials: FloatArray,
+    materials: F64,
     m: int,
     x: float,
     y: float,

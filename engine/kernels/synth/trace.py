@@ -15,7 +15,10 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from ..base.project import PERSPECTIVE, unproject_point
+from ...support.array_types import F64
+from ...support.packed import PERSPECTIVE
+from ..base.jit import parallel, serial
+from ..base.project import unproject_point
 from .patterns import pattern_colour
 
 __all__ = ["BOX", "CAPSULE", "CYLINDER", "ELLIPSOID", "PART_SIZE", "trace_picture"]
@@ -25,14 +28,13 @@ BOX, ELLIPSOID, CAPSULE, CYLINDER = range(4)
 AMBIENT = 0.38
 TILE = 16  # pixels; the groups that a tile may see are sought once for all its rays
 
-FloatArray = npt.NDArray[np.float64]
 CodeArray = npt.NDArray[np.uint16]
 IndexArray = npt.NDArray[np.int64]
 Vector = tuple[float, float, float]
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _to_part(parts: FloatArray, i: int, x: float, y: float, z: float) -> Vector:
+@serial
+def _to_part(parts: F64, i: int, x: float, y: float, z: float) -> Vector:
     return (
         parts[i, 5] * x + parts[i, 8] * y + parts[i, 11] * z,
         parts[i, 6] * x + parts[i, 9] * y + parts[i, 12] * z,
@@ -40,7 +42,7 @@ def _to_part(parts: FloatArray, i: int, x: float, y: float, z: float) -> Vector:
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _hit_box(o: Vector, d: Vector, size: Vector) -> float:
     near, far = 0.0, math.inf
     for axis in range(3):
@@ -53,7 +55,7 @@ def _hit_box(o: Vector, d: Vector, size: Vector) -> float:
     return near if 0.0 < near <= far else math.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _first_root(a: float, b: float, c: float) -> float:
     """Smaller root of a t^2 + 2 b t + c, where a surface is entered from outside; inf if none is ahead."""
     discriminant = b * b - a * c
@@ -63,7 +65,7 @@ def _first_root(a: float, b: float, c: float) -> float:
     return t if t > 0.0 else math.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _hit_ellipsoid(o: Vector, d: Vector, size: Vector) -> float:
     ox, oy, oz = o[0] / size[0], o[1] / size[1], o[2] / size[2]
     dx, dy, dz = d[0] / size[0], d[1] / size[1], d[2] / size[2]
@@ -72,7 +74,7 @@ def _hit_ellipsoid(o: Vector, d: Vector, size: Vector) -> float:
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _hit_round(o: Vector, d: Vector, size: Vector, flat: bool) -> float:
     """A cylinder about z, closed by discs where `flat`, else by half spheres."""
     radius, half = size[0], size[2]
@@ -96,8 +98,8 @@ def _hit_round(o: Vector, d: Vector, size: Vector, flat: bool) -> float:
     return best
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _hit_part(parts: FloatArray, i: int, o: Vector, d: Vector) -> float:
+@serial
+def _hit_part(parts: F64, i: int, o: Vector, d: Vector) -> float:
     local_o = _to_part(parts, i, o[0] - parts[i, 0], o[1] - parts[i, 1], o[2] - parts[i, 2])
     local_d = _to_part(parts, i, d[0], d[1], d[2])
     size = (parts[i, 14], parts[i, 15], parts[i, 16])
@@ -109,8 +111,8 @@ def _hit_part(parts: FloatArray, i: int, o: Vector, d: Vector) -> float:
     return _hit_round(local_o, local_d, size, kind == CYLINDER)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _meets(spheres: FloatArray, i: int, o: Vector, d: Vector, spread: float, limit: float) -> bool:
+@serial
+def _meets(spheres: F64, i: int, o: Vector, d: Vector, spread: float, limit: float) -> bool:
     """Whether a ray within `spread` radians of d may meet sphere i before `limit`."""
     x, y, z = spheres[i, 0] - o[0], spheres[i, 1] - o[1], spheres[i, 2] - o[2]
     squared = x * x + y * y + z * z
@@ -124,8 +126,8 @@ def _meets(spheres: FloatArray, i: int, o: Vector, d: Vector, spread: float, lim
     return bool(along / length - radius / math.sqrt(length) < limit)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _candidates(groups: FloatArray, first: int, o: Vector, d: Vector, spread: float) -> IndexArray:
+@serial
+def _candidates(groups: F64, first: int, o: Vector, d: Vector, spread: float) -> IndexArray:
     """Groups from `first` on that rays within `spread` of d may meet, nearest first."""
     found = np.empty(groups.shape[0] - first, np.int64)
     starts = np.empty(groups.shape[0] - first)
@@ -143,9 +145,9 @@ def _candidates(groups: FloatArray, first: int, o: Vector, d: Vector, spread: fl
     return found[:count]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _nearest(
-    parts: FloatArray, groups: FloatArray, candidates: IndexArray, o: Vector, d: Vector
+    parts: F64, groups: F64, candidates: IndexArray, o: Vector, d: Vector
 ) -> tuple[float, int]:
     """Nearest hit among the candidate groups: (t, part), (inf, -1) where there is none."""
     best, best_part = math.inf, -1
@@ -160,8 +162,8 @@ def _nearest(
     return best, best_part
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _surface(parts: FloatArray, i: int, p: Vector) -> tuple[Vector, float, float, float, float]:
+@serial
+def _surface(parts: F64, i: int, p: Vector) -> tuple[Vector, float, float, float, float]:
     """At a point of part i, in its axes: (outward normal, u, v and their half ranges in metres)."""
     kind = int(parts[i, 4])
     a, b, c = parts[i, 14], parts[i, 15], parts[i, 16]
@@ -187,8 +189,8 @@ def _surface(parts: FloatArray, i: int, p: Vector) -> tuple[Vector, float, float
     return (n[0] / length, n[1] / length, n[2] / length), around, p[2], math.pi * a, c
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _light(lamps: FloatArray, p: Vector, n: Vector) -> float:
+@serial
+def _light(lamps: F64, p: Vector, n: Vector) -> float:
     """Diffuse light without shadows, so that what stands still keeps its colour whoever walks past."""
     total: float = AMBIENT * (0.85 + 0.15 * n[2])
     for k in range(lamps.shape[0]):
@@ -199,11 +201,11 @@ def _light(lamps: FloatArray, p: Vector, n: Vector) -> float:
     return total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _shade(
-    parts: FloatArray,
-    materials: FloatArray,
-    lamps: FloatArray,
+    parts: F64,
+    materials: F64,
+    lamps: F64,
     i: int,
     o: Vector,
     d: Vector,
@@ -228,25 +230,25 @@ def _shade(
     return r * light, g * light, b * light
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _ray(camera: FloatArray, u: float, v: float) -> Vector:
+@serial
+def _ray(camera: F64, u: float, v: float) -> Vector:
     """Direction through a pixel coordinate, as long as one unit of the camera's depth."""
     x, y, z = unproject_point(camera, u, v, 1.0)
     return x - camera[16], y - camera[17], z - camera[18]
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _pixel_rad(camera: FloatArray) -> float:
+@serial
+def _pixel_rad(camera: F64) -> float:
     if camera[0] == PERSPECTIVE:
         return float(1.0 / min(abs(camera[3]), abs(camera[4])))
     return float(max(camera[4], camera[6]))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _block_meets(
-    camera: FloatArray,
-    parts: FloatArray,
-    groups: FloatArray,
+    camera: F64,
+    parts: F64,
+    groups: F64,
     candidates: IndexArray,
     row: int,
     column: int,
@@ -276,14 +278,14 @@ def _block_meets(
     return False
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _pixel_colour(
-    camera: FloatArray,
-    parts: FloatArray,
-    groups: FloatArray,
+    camera: F64,
+    parts: F64,
+    groups: F64,
     candidates: IndexArray,
-    materials: FloatArray,
-    lamps: FloatArray,
+    materials: F64,
+    lamps: F64,
     x: int,
     y: int,
     samples: int,
@@ -305,15 +307,15 @@ def _pixel_colour(
     return luma, (b - luma) / 1.8556, (r - luma) / 1.5748
 
 
-@numba.njit(cache=True, error_model="numpy")
+@serial
 def _trace_block(
-    camera: FloatArray,
-    coding: FloatArray,
-    parts: FloatArray,
-    groups: FloatArray,
+    camera: F64,
+    coding: F64,
+    parts: F64,
+    groups: F64,
     candidates: IndexArray,
-    materials: FloatArray,
-    lamps: FloatArray,
+    materials: F64,
+    lamps: F64,
     samples: int,
     row: int,
     column: int,
@@ -339,15 +341,15 @@ def _trace_block(
     cr[row // 2, column // 2] = np.uint16(np.rint(512.0 + 224.0 * red))
 
 
-@numba.njit(parallel=True, nogil=True, cache=True, error_model="numpy")
+@parallel
 def trace_picture(
-    camera: FloatArray,  # packed
-    coding: FloatArray,  # disparity of code 0, of a step, smallest and largest code
-    parts: FloatArray,  # [n, PART_SIZE]
-    groups: FloatArray,  # [m, 6]
+    camera: F64,  # packed
+    coding: F64,  # disparity of code 0, of a step, smallest and largest code
+    parts: F64,  # [n, PART_SIZE]
+    groups: F64,  # [m, 6]
     first: int,
-    materials: FloatArray,  # [k, MATERIAL_SIZE]
-    lamps: FloatArray,  # [l, 5]
+    materials: F64,  # [k, MATERIAL_SIZE]
+    lamps: F64,  # [l, 5]
     samples: int,
     luma: CodeArray,  # [h, w]
     cb: CodeArray,  # [(h + 1) // 2, (w + 1) // 2]
