@@ -272,11 +272,8 @@ class Live(AbstractAsyncContextManager["Live"]):
                     self._back_ends[self._patience.niceness], _timed_update, core, frame, viewers, speeds
                 )
         except Exception as error:  # a boundary: whoever offered the frame is told, the service goes on
-            _log.exception("frame %d could not be taken", frame.index)
-            self.frames["failed"] += 1
+            self._fail(frame, settled, error)
             self._give_up(core, error)
-            if not settled.done():
-                settled.set_exception(error)
             return
         if not first:
             self._patience.observe(time.monotonic() - start, 1.0 / source.fps)
@@ -289,6 +286,12 @@ class Live(AbstractAsyncContextManager["Live"]):
             self._wake_viewers()
         if not settled.done():
             settled.set_result(True)
+
+    def _fail(self, frame: Frame, settled: asyncio.Future[bool], error: Exception) -> None:
+        _log.error("frame %d could not be taken", frame.index, exc_info=error)
+        self.frames["failed"] += 1
+        if not settled.done():
+            settled.set_exception(error)
 
     def _wake_viewers(self) -> None:
         for viewer in self._viewers.values():
@@ -321,13 +324,13 @@ class Live(AbstractAsyncContextManager["Live"]):
 
     def _give_up(self, core: Core, error: Exception) -> None:
         """Where a core's process has ended, the next source to come gets another."""
-        if not isinstance(error, CoreLostError):
+        if not isinstance(error, CoreLostError) or core is not self._core:
             return
         self._core_status = {"lost": str(error)}
-        if core is self._core:
-            self._core = self.source = None
-        if core is self.shown:
-            self.shown = None
+        self._core = self.source = self.shown = None
+        if self._pending is not None:  # perhaps of a source that came before anybody knew
+            (frame, settled), self._pending = self._pending, None
+            self._fail(frame, settled, error)
 
     def rendered(self, viewer: str, stages: Mapping[str, float], start: float) -> None:
         """Account for a viewer's stereo picture that was asked for at a moment of the monotonic clock."""

@@ -208,6 +208,63 @@ def test_a_core_whose_process_has_ended_is_told_of_and_the_next_source_gets_anot
     run(scenario)
 
 
+def test_frames_that_wait_are_told_of_when_the_core_is_lost() -> None:
+    """They may be another source's, which has come before anybody knew."""
+
+    def lose(core: FakeCore) -> None:
+        core.updating.pass_through()
+        raise CoreLostError("the engine's process ended by SIGKILL")
+
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            core = live._core
+            assert isinstance(core, FakeCore)
+            core.updating.close()
+            core.update = lambda *asked: lose(core)
+            frames = [live.offer(a_frame(0))]
+            await asyncio.to_thread(core.updating.entered.wait, HANG_S)
+            await live.open(Source("again", 25.0, CAMERAS))
+            frames.append(live.offer(a_frame(0)))
+            core.updating.open()
+            for settled in frames:
+                with pytest.raises(CoreLostError, match="by SIGKILL"):
+                    await settled
+            assert live.frames == {"updated": 0, "dropped": 0, "failed": 2}
+
+    run(scenario)
+
+
+def test_a_picture_that_ends_with_a_lost_core_says_nothing_of_the_next_one() -> None:
+    def lose(*asked: object) -> None:
+        raise CoreLostError("the engine's process ended by SIGKILL")
+
+    async def scenario() -> None:
+        async with Live(FakeCore) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            core = live.shown
+            assert isinstance(core, FakeCore)
+            core.rendering.close()
+            core.update = lose
+            core.render = lambda *asked: lose(core.rendering.pass_through())
+            with live.viewer("a", VIEW) as viewer:
+                look(viewer, 1)
+                watching = Screen().watch(viewer)
+                await asyncio.to_thread(core.rendering.entered.wait, HANG_S)
+                with pytest.raises(CoreLostError):
+                    await live.offer(a_frame(1))
+                await live.open(SOURCE)
+                core.rendering.open()
+                with pytest.raises(CoreLostError):
+                    await watching
+            assert live.status()["engine"] == {}
+            assert live.source is SOURCE
+            assert await live.offer(a_frame(0))
+
+    run(scenario)
+
+
 def test_the_back_end_gives_way_until_it_takes_too_long_and_cores_are_closed_in_the_end() -> None:
     niceness: list[int] = []
     patience = Patience()
