@@ -190,6 +190,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         self._core_status: dict[str, Any] = {}
         self._pending: tuple[Frame, asyncio.Future[bool]] | None = None
         self._arrived = asyncio.Event()
+        self._opening = asyncio.Lock()
         self.source: Source | None = None
         self.shown: Core | None = None  # the core, once it has a frame to show
         self._updates = Activity()
@@ -217,18 +218,27 @@ class Live(AbstractAsyncContextManager["Live"]):
             await asyncio.to_thread(core.close)
 
     async def open(self, source: Source) -> None:
-        """A source announces its cameras; the same ones again go on with the same background model."""
-        self._drop_pending()
-        if self.source is None or self.source.cameras != source.cameras:
-            loop = asyncio.get_running_loop()
-            core = await asyncio.to_thread(self._make_core, source)
-            for niceness, thread in self._back_ends.items():
-                await loop.run_in_executor(thread, _at, core, _give_way, niceness)
-            self._core = core
-            self.shown, self._core_status = None, {}
-            self._retune()
-        self.source = source
-        self._wake_viewers()
+        """A source announces its cameras; the same ones again go on with the same background model.
+
+        One after the other: a source may come while a core is still being made for one that has left.
+        """
+        async with self._opening:
+            self._drop_pending()
+            if self.source is None or self.source.cameras != source.cameras:
+                core = await self._make(source)
+                self._drop_pending()  # offered meanwhile, for the core before
+                self._core = core
+                self.shown, self._core_status = None, {}
+                self._retune()
+            self.source = source
+            self._wake_viewers()
+
+    async def _make(self, source: Source) -> Core:
+        core = await asyncio.to_thread(self._make_core, source)
+        loop = asyncio.get_running_loop()
+        for niceness, thread in self._back_ends.items():
+            await loop.run_in_executor(thread, _at, core, _give_way, niceness)
+        return core
 
     def offer(self, frame: Frame) -> asyncio.Future[bool]:
         """A frame is complete: the future tells whether it was shown (True) or overtaken (False)."""

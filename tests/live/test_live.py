@@ -18,7 +18,7 @@ from farside.engine.live.timing import Activity, Longest, Rate, StallMonitor, Ti
 from farside.engine.live.update_priority import FIRM, GENTLE, Patience
 from farside.engine.rig.camera import Camera, Pose
 from farside.engine.rig.viewer import StereoPicture, StereoView
-from support.doubles import CAMERAS, HANG_S, FakeCore, a_frame, a_view
+from support.doubles import CAMERAS, HANG_S, FakeCore, Gate, a_frame, a_view
 
 SOURCE = Source("test", 30.0, CAMERAS)
 VIEW = StereoView.symmetric(Pose(), 16, 16, 1.5)
@@ -261,6 +261,33 @@ def test_a_picture_that_ends_with_a_lost_core_says_nothing_of_the_next_one() -> 
             assert live.status()["engine"] == {}
             assert live.source is SOURCE
             assert await live.offer(a_frame(0))
+
+    run(scenario)
+
+
+def test_one_source_is_opened_after_the_other() -> None:
+    making = Gate()
+    made: list[str] = []
+
+    def make(source: Source) -> FakeCore:
+        made.append(source.name)
+        making.pass_through()
+        return FakeCore(source)
+
+    async def scenario() -> None:
+        other = Source("other", 25.0, CAMERAS[:1])
+        async with Live(make) as live:
+            await live.open(SOURCE)
+            making.close()
+            opening = [asyncio.create_task(live.open(source)) for source in (other, SOURCE, SOURCE)]
+            await asyncio.to_thread(making.entered.wait, HANG_S)
+            assert made == ["test", "other"]
+            assert await live.offer(a_frame(0))  # by the core that is there
+            making.open()
+            await asyncio.gather(*opening)
+            assert made == ["test", "other", "test"]
+            assert live.source is SOURCE
+            assert await live.offer(a_frame(1))
 
     run(scenario)
 
