@@ -14,8 +14,9 @@ from farside.engine.live.core_process import CoreLostError
 from farside.engine.live.engine import Source
 from farside.engine.live.frame_memory import FrameBuffer, FrameBuffers
 from farside.engine.rig.frame import Frame
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from .inbox import Inbox
 from .pictures import decode_view
 from .protocol import (
     MAX_CONTROL_BYTES,
@@ -28,7 +29,7 @@ from .protocol import (
     ViewData,
     decode,
 )
-from .service import CREDITS, Service, conversation, race, receive, send
+from .service import CREDITS, Service, conversation, race, send
 
 __all__ = ["serve_source"]
 
@@ -39,19 +40,15 @@ async def serve_source(socket: WebSocket, service: Service) -> None:
     """One source's connection, from hello to close. It may leave and come back; one at a time."""
     async with conversation(socket):
         client, hello = await service.greet(socket, SourceHello)
-        if service.source_client is not None:
-            raise ProtocolError(CloseCode.BUSY, "source", service.source_client, "no other source at a time")
-        service.source_client = client
-        try:
+        async with Inbox(client, socket) as inbox, service.place(inbox):
             await _open(service, hello)
-            ingest = _Ingest(service, socket, client, hello)
+            ingest = _Ingest(service, socket, inbox, hello)
             try:
                 await service.welcome(socket, client, ingest.memory)
                 await race(ingest.receive(), ingest.grant(), ingest.report())
             finally:
+                inbox.end()  # the next source does not wait for what follows
                 await asyncio.to_thread(ingest.close)  # it takes a while to free gigabytes
-        finally:
-            service.source_client = None
 
 
 async def _open(service: Service, hello: SourceHello) -> None:
@@ -68,12 +65,13 @@ class _Ingest:
     filled; the frames of another are put into them as they come.
     """
 
-    def __init__(self, service: Service, socket: WebSocket, client: str, hello: SourceHello) -> None:
-        self._live, self._socket = service.live, socket
+    def __init__(self, service: Service, socket: WebSocket, inbox: Inbox, hello: SourceHello) -> None:
+        self._service, self._live = service, service.live
+        self._socket, self._inbox = socket, inbox
         self._cameras = {camera.name: camera for camera in hello.cameras}
         self._back_buffer = BackBuffer(list(self._cameras))
         self._freed, self._granted_one = asyncio.Event(), asyncio.Event()
-        loop, name = asyncio.get_running_loop(), f"farside-{service.session}-{client}"
+        loop, name = asyncio.get_running_loop(), f"farside-{service.session}-{inbox.client}"
         self._buffers = FrameBuffers(hello.cameras, BUFFERS, name, lambda: _wake(loop, self._freed))
         self._granted: dict[int, FrameBuffer] = {}
         self._arriving: FrameBuffer | None = None
@@ -104,7 +102,7 @@ class _Ingest:
     async def receive(self) -> NoReturn:
         """Read views and offer every frame that is complete."""
         while True:
-            await self._take(await receive(self._socket))
+            await self._take(await self._inbox.receive())
 
     async def _take(self, data: bytes) -> None:
         start = time.perf_counter()
@@ -142,6 +140,8 @@ class _Ingest:
         return self._granted.pop(next(iter(self._granted)))
 
     def _offer(self, frame: Frame) -> None:
+        if self._service.source is not self._inbox:
+            raise WebSocketDisconnect  # it has ended, and another has come: its frame does not fit that one's cameras
         settled, index = self._live.offer(frame), frame.index
         settled.add_done_callback(lambda future: self._settled.put_nowait((index, future)))
 

@@ -10,6 +10,7 @@ from farside.engine.rig.camera import Perspective, Pose
 from farside.engine.rig.viewer import StereoPicture, StereoView, home_pose
 from starlette.websockets import WebSocket
 
+from .inbox import receive
 from .pictures import encode_texture
 from .protocol import (
     MAX_CONTROL_BYTES,
@@ -25,7 +26,7 @@ from .protocol import (
     pose_to_wire,
     vector_from_wire,
 )
-from .service import Service, conversation, race, receive, send
+from .service import Service, conversation, race, send
 
 __all__ = ["serve_viewer"]
 

@@ -19,6 +19,7 @@ from farside.engine.live.engine import Live
 from farside.engine.live.governor import Rung
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
+from .inbox import Inbox, receive
 from .protocol import (
     CloseCode,
     Error,
@@ -33,7 +34,7 @@ from .protocol import (
 )
 from .settings import ServerSettings
 
-__all__ = ["CREDITS", "Service", "conversation", "race", "receive"]
+__all__ = ["CREDITS", "Service", "conversation", "race", "send"]
 
 _log = logging.getLogger(__name__)
 CREDITS = 2  # frames of a source: one being taken, one arriving or waiting; more would only be overtaken
@@ -48,7 +49,7 @@ class Service:
     settings: ServerSettings
     session: str = field(default_factory=lambda: secrets.token_hex(4))
     started: float = field(default_factory=time.monotonic)
-    source_client: str | None = None
+    source: Inbox | None = None  # who has the place; where it has ended, until another comes
     _numbers: Any = field(default_factory=lambda: count(1))
 
     def authorised(self, token: str) -> bool:
@@ -68,6 +69,22 @@ class Service:
             raise ProtocolError(CloseCode.TOKEN, "token", "another", "the server's token")
         return f"{kind.ROLE}-{next(self._numbers)}", hello
 
+    @asynccontextmanager
+    async def place(self, source: Inbox) -> AsyncIterator[None]:
+        """The place of the one source, while the block runs; raises ProtocolError where another is there.
+
+        One that has ended keeps nobody waiting: what is still done for it goes on beside the new one.
+        """
+        while self.source is not None and not self.source.ended:
+            if await (other := self.source).is_there():
+                raise ProtocolError(CloseCode.BUSY, "source", other.client, "no other source at a time")
+        self.source = source
+        try:
+            yield
+        finally:
+            if self.source is source:
+                self.source = None
+
     async def welcome(self, socket: WebSocket, client: str, memory: SharedMemory | None = None) -> None:
         """Answer a hello that was in order; `memory` is what a source may write into."""
         settings = dataclasses.asdict(self.settings.engine())
@@ -85,20 +102,9 @@ class Service:
         return {
             "session": self.session,
             "uptime_s": time.monotonic() - self.started,
-            "source_connected": self.source_client is not None,
+            "source_connected": self.source is not None and not self.source.ended,
             **self.live.status(seconds),
         }
-
-
-async def receive(socket: WebSocket) -> bytes:
-    """The next binary message; raises WebSocketDisconnect at the end and ProtocolError for text."""
-    event = await socket.receive()
-    if event["type"] == "websocket.disconnect":
-        raise WebSocketDisconnect(event.get("code", 1005))
-    data: bytes | None = event.get("bytes")
-    if data is None:
-        raise ProtocolError(CloseCode.MALFORMED, "message", "text", "a binary message")
-    return data
 
 
 async def send(socket: WebSocket, message: Message) -> None:
