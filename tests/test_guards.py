@@ -1,0 +1,167 @@
+"""Nothing is read or written beyond an array: random pictures, rigs and heads under guarded memory (`guarded`).
+
+A fault kills the process, so cases run in a child (`guard_cases`), which is named the case before each; the test that
+asked for it tells which one it was and where it happened. FARSIDE_GUARD_CASES multiplies how many there are.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import guard_cases
+import numpy as np
+import pytest
+from guarded import FLUSHES, guarded, kernels_of_engine
+
+KERNELS = Path(guard_cases.engine_module.__file__).parent / "kernels"
+TIMES = int(os.environ.get("FARSIDE_GUARD_CASES", "1"))
+
+
+class Died(AssertionError):
+    """The child is gone: which case it was at, and what it said."""
+
+
+class Child:
+    """A process that runs cases, started again when it has died."""
+
+    def __init__(self) -> None:
+        self.called: dict[str, set[str]] = {}  # kernels, by case
+        self._process: subprocess.Popen[str] | None = None
+        self._said = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed by `close`)
+
+    def run(self, case: str, seed: int, flush: str, **options: object) -> dict[str, float]:
+        """A case's counts; raises Died where it brings the child down."""
+        asked = {"case": case, "seed": seed, "flush": flush, **options}
+        process = self._process or self._start()
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(json.dumps(asked) + "\n")
+        process.stdin.flush()
+        line = process.stdout.readline()
+        if not line:
+            raise Died(self._epitaph(asked, process.wait()))
+        answer = json.loads(line)
+        self.called.setdefault(case, set()).update(answer["called"])
+        counts: dict[str, float] = answer["counts"]
+        return counts
+
+    def _start(self) -> subprocess.Popen[str]:
+        self._said.seek(0)
+        self._said.truncate()
+        # What is allocated afresh is full of nonsense: who reads it before it was written goes astray.
+        environment = {**os.environ, "MALLOC_PERTURB_": "165"}
+        self._process = subprocess.Popen(
+            [sys.executable, guard_cases.__file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said,
+            text=True, env=environment,
+        )  # fmt: skip
+        return self._process
+
+    def _epitaph(self, asked: dict[str, object], code: int) -> str:
+        self._process = None
+        self._said.seek(0)
+        return f"{asked}: the child ended with {code}:\n{self._said.read()}"
+
+    def close(self) -> None:
+        if self._process is not None:
+            self._process.communicate()
+        self._said.close()
+
+
+@pytest.fixture(scope="module")
+def child() -> Iterator[Child]:
+    it = Child()
+    yield it
+    it.close()
+
+
+@pytest.mark.parametrize("flush", FLUSHES)
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.int64])
+def test_a_guarded_array_is_the_same_array(flush, dtype):
+    array = np.arange(7 * 300 * 3).reshape(7, 300, 3).astype(dtype)
+    other = guarded(array, flush)
+    np.testing.assert_array_equal(other, array)
+    assert other.dtype == dtype
+    assert other.flags.c_contiguous
+    assert other.flags.writeable
+    assert other.flags.aligned
+    end = other.ctypes.data + (other.nbytes if flush == "end" else 0)
+    assert end % os.sysconf("SC_PAGE_SIZE") == 0
+    assert guarded(np.empty((0, 3), dtype), flush).shape == (0, 3)
+
+
+def test_many_guarded_arrays_are_given_back():
+    def maps() -> int:
+        return len(Path("/proc/self/maps").read_text().splitlines())
+
+    before = maps()
+    for _ in range(200):
+        guarded(np.zeros(5000))
+    assert maps() < before + 50
+
+
+@pytest.mark.parametrize("flush", FLUSHES)
+def test_an_element_beyond_kills_and_is_reported(child, flush):
+    with pytest.raises(Died) as caught:
+        child.run("beyond", 7, flush)
+    said = str(caught.value)
+    assert f"'case': 'beyond', 'seed': 7, 'flush': '{flush}'" in said
+    assert "Fatal Python error: Segmentation fault" in said or "Bus error" in said
+    assert "guard_cases.py" in said
+    assert "in beyond" in said
+    assert child.run("pictures", 0, flush)["bytes"] > 0  # there is a new one
+
+
+def test_a_case_that_hangs_is_reported(child):
+    with pytest.raises(Died, match="'case': 'hanging'") as caught:
+        child.run("hanging", 3, "end", hangs_s=0.5)
+    assert "Timeout" in str(caught.value)
+    assert "in hanging" in str(caught.value)
+
+
+def sweep(child: Child, case: str, seeds: int) -> Counter[str]:
+    """The sums of a case's counts over seeds, with either end of arrays at a guard page; both must come to the same."""
+    sums: dict[str, Counter[str]] = {}
+    for flush in FLUSHES:
+        sums[flush] = Counter()
+        for seed in range(seeds * TIMES):
+            sums[flush].update(child.run(case, seed, flush))
+    assert sums["start"] == sums["end"], "what comes out depends on where arrays lie"
+    return sums["end"]
+
+
+def test_views_of_all_kinds_are_drawn_and_shaded_within_their_planes(child):
+    assert sweep(child, "shading", 80)["drawn"] > 80 * 2000
+
+
+def test_views_of_all_sizes_are_triangulated_within_their_planes(child):
+    counts = sweep(child, "triangulating", 40)
+    assert counts["triangles"] > 40 * 1000
+    assert counts["kept"] > 40 * 500
+
+
+def test_pictures_of_all_sizes_are_converted_and_filled_within_their_planes(child):
+    counts = sweep(child, "pictures", 40)
+    assert counts["filled"] > 40 * 500
+    assert counts["bytes"] > 40 * 500
+
+
+def test_the_engine_stays_within_all_of_its_arrays(child):
+    counts = sweep(child, "pipeline", 40)
+    assert counts["drawn"] > 40 * 5000
+    assert counts["backdrop"] > 40 * 100
+    assert counts["rays"] > 40 * 500
+    assert counts["mesh"] > 40 * 50
+
+
+def test_absurd_cameras_and_heads_do_no_harm(child):
+    counts = sweep(child, "hostile", 40)
+    assert counts["taken"] > 20
