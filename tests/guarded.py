@@ -62,9 +62,12 @@ def guarded(array: np.ndarray, flush: str = "end") -> np.ndarray:
     return out
 
 
+_mprotect = ctypes.CDLL(None, use_errno=True).mprotect
+_mprotect.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
+
+
 def _forbid(address: int) -> None:
-    library = ctypes.CDLL(None, use_errno=True)
-    if library.mprotect(ctypes.c_void_p(address), ctypes.c_size_t(_PAGE), 0):  # PROT_NONE
+    if _mprotect(address, _PAGE, 0):  # PROT_NONE
         raise OSError(ctypes.get_errno(), "mprotect")
 
 
