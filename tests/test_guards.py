@@ -165,3 +165,83 @@ def test_the_engine_stays_within_all_of_its_arrays(child):
 def test_absurd_cameras_and_heads_do_no_harm(child):
     counts = sweep(child, "hostile", 40)
     assert counts["taken"] > 20
+
+
+# Files whose kernels use addresses, and the cases that run them. Who adds a file to the list adds a case, or says which
+# one has it.
+COVERED = {
+    "background_image": ("pipeline",),  # PBI: rays, colours of maximum depth images
+    "blocks": ("shading", "pipeline"),
+    "changes": ("triangulating", "shading"),
+    "composite": ("pipeline",),
+    "culling": ("pipeline",),
+    "cuts": ("triangulating", "shading"),
+    "exposure": ("pipeline",),
+    "hidden": ("pipeline",),
+    "progressive": ("pipeline",),
+    "rasterise": ("shading", "pipeline"),
+    "shade": ("shading", "pipeline"),
+    "sorting": ("shading", "pipeline"),
+    "splits": ("triangulating", "shading"),
+    "triangulate": ("triangulating", "shading"),
+    "uncovered": ("pipeline",),
+}
+# Functions that are only called by kernels of these files, and run with them; no case can call them alone.
+INSIDE = {
+    "lanes": ("changes", "cuts", "splits", "triangulate"),
+    "look": ("shade",),
+    "present": ("composite",),
+    "rays": ("background_image", "culling", "hidden", "progressive"),
+    "sight": ("composite", "hidden", "background_image"),
+    "simd": ("blocks", "composite", "rasterise", "shade", "sorting"),
+    "standing": ("background_image", "hidden"),
+    "strips": ("rasterise", "sorting"),
+    "view_table": ("composite", "exposure", "shade", "uncovered"),
+}
+# Rays against known scenes: evaluation, not in any picture; they read nothing but what `rays` does.
+ASIDE = {"leaks"}
+MEMORY = {"lanes", "rays", "simd", "view_table"}  # what reads and writes at addresses
+
+
+@functools.cache
+def users_of_addresses() -> frozenset[str]:
+    """Files of kernels that take an array's address, or import from the memory layer or from who does."""
+    trees = {path.stem: ast.parse(path.read_text()) for path in KERNELS.glob("*.py")}
+    found = set(MEMORY)
+    for name, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and node.attr in ("ctypes", "carray", "farray"):
+                found.add(name)
+            if isinstance(node, ast.ImportFrom) and node.module in MEMORY | {"look", "strips", "sight", "present"}:
+                constants = all(alias.name.isupper() for alias in node.names)
+                found |= set() if constants else {name}
+    return frozenset(found)
+
+
+def test_every_file_of_kernels_that_takes_addresses_has_a_case():
+    named = set(COVERED) | set(INSIDE) | ASIDE
+    assert users_of_addresses() - named == set(), "kernels with addresses and without a case: see COVERED"
+    assert named - users_of_addresses() == set(), "these take no addresses"
+    assert {case for cases in COVERED.values() for case in cases} <= set(guard_cases.CASES)
+    for name, users in INSIDE.items():
+        for user in users:
+            assert name in imports_of(user) or any(name in imports_of(other) for other in imports_of(user)), name
+
+
+@functools.cache
+def imports_of(name: str) -> frozenset[str]:
+    path = KERNELS / f"{name}.py"
+    nodes = ast.walk(ast.parse(path.read_text())) if path.exists() else iter(())
+    found = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.level == 1]
+    return frozenset([str(node.module) for node in found] + [alias.name for node in found for alias in node.names])
+
+
+def test_cases_call_every_kernel_of_the_engine(child):
+    """Of all that the engine's modules can call; runs last, over what the others have called."""
+    if not {"shading", "triangulating", "pictures", "pipeline"} <= set(child.called):
+        pytest.skip("only where all cases have run")
+    for name, cases in COVERED.items():
+        for case in cases:
+            assert any(kernel.startswith(f"{name}.") for kernel in child.called[case]), (name, case)
+    wanted = {kernel for kernel in kernels_of_engine() if not kernel.startswith("farside.")}
+    assert wanted - set().union(*child.called.values()) == set()
