@@ -22,6 +22,8 @@ import numpy as np
 from farside.engine import engine as engine_module
 from farside.engine import frame_buffers, metrics
 from farside.engine.background.coverage import Coverage
+from farside.engine.background.maximum_depth import MaximumDepthImage
+from farside.engine.background.tolerances import Tolerances
 from farside.engine.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.colour import decode_jpeg, encode_jpeg, from_rgb, to_rgb, toned_texture
 from farside.engine.completion import complete
@@ -30,6 +32,7 @@ from farside.engine.embree import EmbreeError
 from farside.engine.filling import fill
 from farside.engine.frame import Frame, Texture, View
 from farside.engine.kernels.tone import IDENTITY
+from farside.engine.mesh import Mesh
 from farside.engine.minification import level_for
 from farside.engine.outlines import smooth_outlines
 from farside.engine.prepared import PreparedView, ViewTable
@@ -410,6 +413,60 @@ def absurd_camera(rng: Rng, camera: Camera) -> Camera:
     return dataclasses.replace(camera, projection=narrow)
 
 
+# Numbers that are none, or too large to be converted to integers, where kernels make indices or bounds of them
+
+
+def far_triangles(rng: Rng, flush: str) -> Counts:
+    """A triangle through the plane of the eye whose picture is farther to the right than any integer can say."""
+    y = -(10.0 ** rng.uniform(22, 30))
+    far = [(1.0, y, 0.0), (-1.0, 1.1 * y, 0.0), (1.0, 1.2 * y, 0.1 * y)]
+    points = np.array([(2.0, -0.5, -0.5), (2.0, 0.5, -0.5), (2.0, 0.0, 0.5), *far], np.float32)
+    mesh = Mesh(points, np.zeros((6, 2), np.float32), np.array([(0, 1, 2), (0, 2, 1), (3, 4, 5)], np.int32))
+    camera = Camera("t", Perspective.from_fov(*any_size(rng), 1.2), Pose(), DepthCoding(0.1, 10.0))
+    canvas = Canvas(camera.width, camera.height)
+    canvas.clear()
+    canvas.draw(mesh, Target(camera, ORIGIN), 0, 0.01, 0.0)
+    return {"drawn": int((canvas.disparity > 0).sum())}
+
+
+def at_the_eye(rng: Rng, flush: str) -> Counts:
+    """Pixels so near that their points are the eye of the view that drew them: it has no place for them."""
+    projection = any_projection(rng)
+    camera = Camera("v", projection, Pose(), DepthCoding(0.1, 10.0))
+    view = View(camera, any_texture(rng, camera.height, camera.width, flush), any_codes(rng, camera, any_ball(rng)))
+    table = ViewTable([PreparedView(view, any_options(rng), ORIGIN)], drawn=1)
+    canvas, target = Canvas(*any_size(rng)), any_projection(rng)
+    target = Target(Camera("t", dataclasses.replace(
+        target, width=canvas.disparity.shape[1], height=canvas.disparity.shape[0]
+    ), Pose(), camera.depth), ORIGIN)  # fmt: skip
+    canvas.grey()
+    canvas.disparity[...] = np.inf
+    canvas.shade(target, table, 1, 1)
+    return {"coloured": int(all(np.isfinite(plane).all() for plane in canvas.planes))}
+
+
+def no_colours(rng: Rng, flush: str) -> Counts:
+    """Structure of what has no numbers for colours."""
+    shape = any_size(rng)
+    planes = tuple(np.full(shape, rng.choice([np.nan, np.inf, 1e30]), np.float32) for _ in range(3))
+    disparity = (rng.random(shape) < 0.6).astype(np.float32)
+    disparity[0, 0], disparity[-1, -1] = 1.0, 0.0
+    return {"filled": len(fill(disparity, planes, 0.01))}
+
+
+def lost_points(rng: Rng, flush: str) -> Counts:
+    """Points of a mesh that are nowhere, or where the camera is, settle."""
+    camera = any_camera(rng, "v")
+    codes = any_codes(rng, camera, any_ball(rng))
+    view = View(camera, any_texture(rng, camera.height, camera.width, flush), codes)
+    tolerances = Tolerances(0.05, 1e-3, 0.05, 3.0, 0.0)
+    image = MaximumDepthImage(view, tolerances, 0.1)
+    points = np.array([(np.nan,) * 3, (np.inf,) * 3, (-np.inf, np.nan, 0), camera.pose.position], np.float32)
+    uv = rng.uniform((0.5, 0.5), (camera.width - 0.5, camera.height - 0.5), (4, 2)).astype(np.float32)
+    settled = image.settled(Mesh(points, uv, np.zeros((1, 3), np.int32)), camera.packed())
+    return {"settled": len(settled)}
+
+
 def beyond(rng: Rng, flush: str) -> Counts:
     """No case: reads an element beyond a guarded array, which must be the end of the process."""
     array = guarded(np.arange(1000, dtype=np.uint16), flush)
@@ -425,7 +482,8 @@ def hanging(rng: Rng, flush: str) -> Counts:
 
 
 CASES: Mapping[str, Callable[[Rng, str], Counts]] = {
-    case.__name__: case for case in (shading, triangulating, pictures, pipeline, hostile, beyond, hanging)
+    case.__name__: case for case in (shading, triangulating, pictures, pipeline, hostile, far_triangles, at_the_eye, no_colours,
+    lost_points, beyond, hanging)
 }
 
 

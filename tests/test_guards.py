@@ -167,6 +167,11 @@ def test_absurd_cameras_and_heads_do_no_harm(child):
     assert counts["taken"] > 20
 
 
+
+def test_structure_of_no_numbers_is_continued_nowhere_in_memory(child):
+    assert sweep(child, "no_colours", 8)["filled"] > 8 * 100
+
+
 # Files whose kernels use addresses, and the cases that run them. Who adds a file to the list adds a case, or says which
 # one has it.
 COVERED = {

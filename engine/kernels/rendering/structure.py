@@ -172,11 +172,13 @@ def _hand_on(disparity: F32, index: I32, layer: I32, y: int, x: int, own: int, t
 
 @inlined
 def _row_of_weights(tensor: F32) -> int:
-    """Which weights fit a structure tensor."""
+    """Which weights fit a structure tensor; those for no direction where it is of no numbers."""
     xx, xy, yy = tensor[0], tensor[1], tensor[2]
     coherence = math.sqrt((xx - yy) * (xx - yy) + 4.0 * xy * xy) / (xx + yy + 1e-6)
+    if not coherence <= 1.0:  # NaN fails the comparison; by rounding it may be a little more
+        coherence = 1.0 if coherence > 1.0 else 0.0
     angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi  # of least change
-    turn = int(angle * (ANGLES / math.pi) + 0.5) % ANGLES
+    turn = int(angle * (ANGLES / math.pi) + 0.5) % ANGLES if angle >= 0.0 else 0
     return turn * LEVELS + int(coherence * coherence * (LEVELS - 1) + 0.5)
 
 
