@@ -172,6 +172,11 @@ def test_structure_of_no_numbers_is_continued_nowhere_in_memory(child):
     assert sweep(child, "no_colours", 8)["filled"] > 8 * 100
 
 
+
+def test_points_that_are_nowhere_settle_within_the_codes(child):
+    assert sweep(child, "lost_points", 8)["settled"] == 8 * 4
+
+
 # Files whose kernels use addresses, and the cases that run them. Who adds a file to the list adds a case, or says which
 # one has it.
 COVERED = {

@@ -350,6 +350,13 @@ def fuse_maximum_depth(
                 cr[pair, column] = _toward(cr[pair, column], red, count, chance)
 
 
+@inlined
+def _code_at(depth: float, rules: F64) -> int:
+    """The code of a depth, within all codes; 0 where that is no number."""
+    code = (1.0 / depth - rules[0]) / rules[1] + 0.5
+    return int(min(code, 65535.0)) if code > 0.0 else 0  # NaN fails the comparison
+
+
 @parallel
 def settle_points(points: F32, uv: F32, camera: F64, rules: F64, codes: U16, by_code: U16, moved: F32) -> None:
     """Moves points [n, 3] of a mesh of this image, at picture coordinates uv [n, 2], to where its codes are by now.
@@ -363,7 +370,7 @@ def settle_points(points: F32, uv: F32, camera: F64, rules: F64, codes: U16, by_
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         u, v = float(uv[i, 0]), float(uv[i, 1])
         _u, _v, depth = project_point(camera, x, y, z)
-        own = int(min(max((1.0 / depth - rules[0]) / rules[1] + 0.5, 0.0), 65535.0))
+        own = _code_at(depth, rules)
         total, count = 0.0, 0
         for row in range(math.ceil(v - 1.0), math.floor(v) + 1):
             for column in range(math.ceil(u - 1.0), math.floor(u) + 1):
