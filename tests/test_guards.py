@@ -177,6 +177,19 @@ def test_points_that_are_nowhere_settle_within_the_codes(child):
     assert sweep(child, "lost_points", 8)["settled"] == 8 * 4
 
 
+
+def test_pixels_at_the_eye_of_their_view_have_a_colour(child):
+    seeds = 16
+    for flush in FLUSHES:
+        assert sum(child.run("at_the_eye", seed, flush)["coloured"] for seed in range(seeds)) == seeds
+
+
+def test_triangles_beyond_all_integers_are_drawn_to_an_end(child):
+    assert child.run("far_triangles", 0, "end")["drawn"] > 0
+    for seed in range(1, 20):
+        assert child.run("far_triangles", seed, "end", hangs_s=60.0)["drawn"] >= 0
+
+
 # Files whose kernels use addresses, and the cases that run them. Who adds a file to the list adds a case, or says which
 # one has it.
 COVERED = {

@@ -62,6 +62,7 @@ _PARTS = 4
 _CELL = 2 * LANES  # columns
 _SHARE, _LUMA, _U, _V, _MANNER, _CODE, _CLEAN, _MIXED, _FIELDS = 0, 1, 2, 3, 4, 5, 6, 7, 8  # of what a view shows
 _ROOM = 7  # vectors a part for a cell's pixels and sums
+_FARTHEST_PX = 1e15  # from a view's picture: what is farther is in no direction that has a place in it
 _APART_PX = 3.0  # between a block's pixels in a view, beyond which they have no chroma in common
 
 
@@ -72,6 +73,8 @@ def _colour_of_winner(
     """Colour of view k at (u, v), of those of the four texels round it that are of about that depth code, or else of
     that which is nearest in depth: it drew the pixel."""
     width, height = int(table[k, 1]), int(table[k, 2])
+    if not (abs(u) < _FARTHEST_PX and abs(v) < _FARTHEST_PX):  # nowhere in particular: no number, or no integer
+        u, v = 0.0, 0.0
     y = min(max(v - 0.5, 0.0), height - 1.0)
     iy = min(int(y), max(height - 2, 0))
     if table[k, 19] > 0.0:
