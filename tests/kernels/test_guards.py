@@ -10,6 +10,7 @@ import ast
 import functools
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -17,12 +18,13 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-import guard_cases
 import numpy as np
 import pytest
-from guarded import FLUSHES, guarded, kernels_of_engine
+from support import guard_cases
+from support.guarded import FLUSHES, guarded, kernels_of_engine
 
-KERNELS = Path(guard_cases.engine_module.__file__).parent / "kernels"
+KERNELS = Path(guard_cases.engine_module.__file__).parents[1] / "kernels"
+TESTS = Path(guard_cases.__file__).parents[1]
 TIMES = int(os.environ.get("FARSIDE_GUARD_CASES", "1"))
 
 
@@ -58,9 +60,9 @@ class Child:
         self._said.seek(0)
         self._said.truncate()
         # What is allocated afresh is full of nonsense: who reads it before it was written goes astray.
-        environment = {**os.environ, "MALLOC_PERTURB_": "165"}
+        environment = {**os.environ, "MALLOC_PERTURB_": "165", "PYTHONPATH": str(TESTS)}
         self._process = subprocess.Popen(
-            [sys.executable, guard_cases.__file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said,
+            [sys.executable, "-m", "support.guard_cases"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said,
             text=True, env=environment,
         )  # fmt: skip
         return self._process
@@ -190,55 +192,62 @@ def test_triangles_beyond_all_integers_are_drawn_to_an_end(child):
         assert child.run("far_triangles", seed, "end", hangs_s=60.0)["drawn"] >= 0
 
 
-# Files whose kernels use addresses, and the cases that run them. Who adds a file to the list adds a case, or says which
-# one has it.
+# Files of kernels that use addresses, and the cases that run them. Who adds one adds a case, or says which has it.
 COVERED = {
-    "background_image": ("pipeline",),  # PBI: rays, colours of maximum depth images
-    "blocks": ("shading", "pipeline"),
-    "changes": ("triangulating", "shading"),
-    "composite": ("pipeline",),
-    "culling": ("pipeline",),
-    "cuts": ("triangulating", "shading"),
-    "exposure": ("pipeline",),
-    "hidden": ("pipeline",),
-    "progressive": ("pipeline",),
-    "rasterise": ("shading", "pipeline"),
-    "shade": ("shading", "pipeline"),
-    "sorting": ("shading", "pipeline"),
-    "splits": ("triangulating", "shading"),
-    "triangulate": ("triangulating", "shading"),
-    "uncovered": ("pipeline",),
+    "background/culling": ("pipeline",),
+    "background/exposure": ("pipeline",),
+    "background/hidden": ("pipeline",),
+    "background/pbi": ("pipeline",),
+    "background/triangle_filter": ("pipeline",),
+    "background/uncovered": ("pipeline",),
+    "geometry/changes": ("triangulating", "shading"),
+    "geometry/cuts": ("triangulating", "shading"),
+    "geometry/splits": ("triangulating", "shading"),
+    "geometry/triangulate": ("triangulating", "shading"),
+    "rendering/backdrop": ("pipeline",),
+    "rendering/blocks": ("shading", "pipeline"),
+    "rendering/rasterise": ("shading", "pipeline"),
+    "rendering/shade": ("shading", "pipeline"),
+    "rendering/sorting": ("shading", "pipeline"),
 }
-# Functions that are only called by kernels of these files, and run with them; no case can call them alone.
+# What only kernels of these files call.
 INSIDE = {
-    "lanes": ("changes", "cuts", "splits", "triangulate"),
-    "look": ("shade",),
-    "present": ("composite",),
-    "rays": ("background_image", "culling", "hidden", "progressive"),
-    "sight": ("composite", "hidden", "background_image"),
-    "simd": ("blocks", "composite", "rasterise", "shade", "sorting"),
-    "standing": ("background_image", "hidden"),
-    "strips": ("rasterise", "sorting"),
-    "view_table": ("composite", "exposure", "shade", "uncovered"),
+    "background/rays": ("background/culling", "background/hidden", "background/pbi", "background/triangle_filter"),
+    "background/standing": ("background/hidden", "background/pbi"),
+    "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangulate"),
+    "base/sight": ("background/standing", "rendering/backdrop"),
+    "base/simd": ("rendering/backdrop", "rendering/blocks", "rendering/shade", "rendering/sorting"),
+    "base/view_table": ("background/exposure", "background/uncovered", "rendering/shade"),
+    "rendering/look": ("rendering/shade",),
+    "rendering/present": ("rendering/backdrop",),
+    "rendering/strips": ("rendering/rasterise", "rendering/sorting"),
 }
-# Rays against known scenes: evaluation, not in any picture; they read nothing but what `rays` does.
-ASIDE = {"leaks"}
+ASIDE = {"evaluation/leaks"}  # rays in numbers: in no picture, and they read nothing but what other rays do
 MEMORY = {"lanes", "rays", "simd", "view_table"}  # what reads and writes at addresses
+THROUGH = {"look", "present", "sight", "strips", "standing"}  # what takes addresses from others
+
+
+@functools.cache
+def imports_of(name: str) -> dict[str, set[str]]:
+    """What a file of kernels takes from which other one (its last name), besides constants."""
+    found: dict[str, set[str]] = {}
+    for node in ast.walk(ast.parse((KERNELS / f"{name}.py").read_text())):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            module = (node.module or "").split(".")[-1]
+            for alias in node.names:
+                if not alias.name.isupper():
+                    found.setdefault(module, set()).add(alias.name)
+                    found.setdefault(alias.name, set())  # from ..base import lanes
+    return found
 
 
 @functools.cache
 def users_of_addresses() -> frozenset[str]:
-    """Files of kernels that take an array's address, or import from the memory layer or from who does."""
-    trees = {path.stem: ast.parse(path.read_text()) for path in KERNELS.glob("*.py")}
-    found = set(MEMORY)
-    for name, tree in trees.items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Attribute) and node.attr in ("ctypes", "carray", "farray"):
-                found.add(name)
-            if isinstance(node, ast.ImportFrom) and node.module in MEMORY | {"look", "strips", "sight", "present"}:
-                constants = all(alias.name.isupper() for alias in node.names)
-                found |= set() if constants else {name}
-    return frozenset(found)
+    """Files of kernels that take an array's address, or functions from the memory layer or from who does."""
+    names = {str(path.relative_to(KERNELS))[:-3] for path in KERNELS.rglob("*.py") if path.stem != "__init__"}
+    taken = {name for name in names if re.search(r"\.ctypes\b|\bcarray\b", (KERNELS / f"{name}.py").read_text())}
+    users = {name for name in names if set(imports_of(name)) & (MEMORY | THROUGH)}
+    return frozenset(taken | users | {name for name in names if name.split("/")[1] in MEMORY})
 
 
 def test_every_file_of_kernels_that_takes_addresses_has_a_case():
@@ -248,15 +257,7 @@ def test_every_file_of_kernels_that_takes_addresses_has_a_case():
     assert {case for cases in COVERED.values() for case in cases} <= set(guard_cases.CASES)
     for name, users in INSIDE.items():
         for user in users:
-            assert name in imports_of(user) or any(name in imports_of(other) for other in imports_of(user)), name
-
-
-@functools.cache
-def imports_of(name: str) -> frozenset[str]:
-    path = KERNELS / f"{name}.py"
-    nodes = ast.walk(ast.parse(path.read_text())) if path.exists() else iter(())
-    found = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.level == 1]
-    return frozenset([str(node.module) for node in found] + [alias.name for node in found for alias in node.names])
+            assert name.split("/")[1] in imports_of(user), (name, user)
 
 
 def test_cases_call_every_kernel_of_the_engine(child):
@@ -265,6 +266,6 @@ def test_cases_call_every_kernel_of_the_engine(child):
         pytest.skip("only where all cases have run")
     for name, cases in COVERED.items():
         for case in cases:
-            assert any(kernel.startswith(f"{name}.") for kernel in child.called[case]), (name, case)
+            assert any(kernel.startswith(f"{name.replace('/', '.')}.") for kernel in child.called[case]), (name, case)
     wanted = {kernel for kernel in kernels_of_engine() if not kernel.startswith("farside.")}
     assert wanted - set().union(*child.called.values()) == set()

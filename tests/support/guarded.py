@@ -14,6 +14,7 @@ What kernels allocate for themselves (rooms, rows, scratch) is not guarded.
 
 from __future__ import annotations
 
+import ast
 import ctypes
 import mmap
 import sys
@@ -24,7 +25,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from farside.engine.kernels.simd import BEYOND
+from farside.engine.kernels.base.simd import BEYOND
 from numba.core.dispatcher import Dispatcher
 
 __all__ = ["FLUSHES", "guarded", "guarding", "kernels_of_engine"]
@@ -38,7 +39,7 @@ _MAKERS = (
 )  # fmt: skip
 # Not the service, nor what measures: evaluation and twins read no planes by address but through these.
 _TILES: dict[int, weakref.ref[np.ndarray]] = {}  # arrays of `tiles.new_tiles`, by id
-_APART = ("farside.engine.bench", "farside.engine.synth", "farside.engine.kernels")
+_APART = ("farside.engine.evaluation", "farside.engine.synth", "farside.engine.kernels")
 
 
 def guarded(array: np.ndarray, flush: str = "end") -> np.ndarray:
@@ -171,8 +172,6 @@ def _reached_through_modules() -> set[str]:
 
 def _attributes_of(module: types.ModuleType) -> dict[str, set[str]]:
     """Which attributes of which names a module's source mentions."""
-    import ast
-
     found: dict[str, set[str]] = {}
     with open(str(module.__file__), encoding="utf-8") as file:
         for node in ast.walk(ast.parse(file.read())):
@@ -219,8 +218,8 @@ def guarding(flush: str, called: set[str]) -> Iterator[None]:
 @contextmanager
 def _known_arrays(flush: str) -> Iterator[None]:
     """Guard the flags that triangulators copy, and note which arrays are tiles."""
-    from farside.engine import tiles, warping
-    from farside.engine.triangulation import Triangulator
+    from farside.engine.rendering import canvas, tiles
+    from farside.engine.geometry.triangulation import Triangulator
 
     triangulate, new_tiles = Triangulator.triangulate, tiles.new_tiles
 
@@ -234,10 +233,10 @@ def _known_arrays(flush: str) -> Iterator[None]:
         return made
 
     Triangulator.triangulate = guarded_cuts  # type: ignore[method-assign]
-    tiles.new_tiles = warping.new_tiles = noted
+    tiles.new_tiles = canvas.new_tiles = noted
     try:
         yield
     finally:
         Triangulator.triangulate = triangulate  # type: ignore[method-assign]
-        tiles.new_tiles = warping.new_tiles = new_tiles
+        tiles.new_tiles = canvas.new_tiles = new_tiles
         _TILES.clear()
