@@ -48,6 +48,19 @@ def headset(rate: float, out: Path | None = None, **hello: str) -> Headset:
     return Headset(viewer, rate=rate, seconds=3.0, out=out)
 
 
+async def compiled(url: str) -> None:
+    """Wait until a scout has seen the video go on: with no kernels at hand that takes minutes, which are not watched."""
+    scout = headset(5.0)
+    scout.seconds = HANG_S
+    watching = asyncio.create_task(scout.run(url))
+    while len(set(scout.frames)) < 3:
+        if watching.done():
+            watching.result()
+        await asyncio.sleep(0.05)
+    watching.cancel()
+    await asyncio.gather(watching, return_exceptions=True)
+
+
 def test_a_live_run(sequence: Sequence, tmp_path: Path) -> None:
     sources = sequence.source_names[:4]
     fast, slow = headset(30.0, tmp_path), headset(5.0, encoding="raw")
@@ -61,6 +74,8 @@ def test_a_live_run(sequence: Sequence, tmp_path: Path) -> None:
 
     async def scenario(url: str) -> dict[str, object]:
         playing = asyncio.create_task(replay.run(url))
+        async with asyncio.timeout(HANG_S):
+            await compiled(url)
         watching = asyncio.gather(fast.run(url), slow.run(url), export(url))
         async with asyncio.timeout(HANG_S):
             await asyncio.wait((playing, asyncio.ensure_future(watching)), return_when=asyncio.FIRST_COMPLETED)
