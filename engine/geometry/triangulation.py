@@ -76,7 +76,7 @@ def triangulate(
 
     Where `keep` (uint8 [h, w]) is given, only triangles with at least one kept pixel are made (section 3.3.3)
     and no merged triangle spans kept and other pixels. Points are relative to `origin`, metres. Raises ValueError
-    for arrays of another shape or type.
+    for arrays of another shape or type, or that are not C-contiguous.
     """
     blocks = _Blocks(camera)
     made = np.ones_like(blocks.states)
@@ -84,6 +84,9 @@ def triangulate(
         _check("keep", keep, (camera.height, camera.width), np.uint8)
         change_kernels.kept_blocks(keep, camera.wraps, made)
         blocks.splits[made == 0] = 0
+    if cuts is not None:
+        _check("codes", codes, (camera.height, camera.width), np.uint16)
+        _check("cuts", cuts, (camera.height, camera.width), np.uint8)
     flags = _cuts(camera, codes, options, keep, made) if cuts is None else cuts
     if rims:  # no splits are needed to find them
         split_kernels.find_mixed(flags, blocks.states)
@@ -119,7 +122,7 @@ class Triangulator:
     ) -> tuple[Mesh, npt.NDArray[np.uint8]]:
         """The mesh of depth codes [h, w], and their flags [h, w] (see `depth_cuts`); neither is changed later on.
 
-        Raises ValueError for codes of another shape or type.
+        Raises ValueError for codes of another shape or type, or that are not C-contiguous.
         """
         _check("codes", codes, (camera.height, camera.width), np.uint16)
         place = np.asarray(origin, np.float64)
@@ -288,3 +291,5 @@ def _directions(
 def _check(name: str, array: npt.NDArray[Any], shape: tuple[int, int], dtype: type) -> None:
     if array.shape != shape or array.dtype != dtype:
         raise ValueError(f"{name}: {array.dtype} {array.shape}: expected {dtype.__name__} {shape}")
+    if not array.flags.c_contiguous:  # kernels read rows by address
+        raise ValueError(f"{name}: strides {array.strides}: expected a C-contiguous array")

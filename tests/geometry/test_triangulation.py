@@ -286,7 +286,12 @@ def test_a_single_row_or_column_has_no_triangles(w, h):
     [
         ("codes", {"codes": np.zeros((7, 9), np.uint16)}),
         ("codes", {"codes": np.zeros((8, 9), np.int64)}),
+        ("codes", {"codes": np.zeros((8, 18), np.uint16)[:, ::2]}),
+        ("codes", {"codes": np.zeros((7, 9), np.uint16), "cuts": np.zeros((8, 9), np.uint8)}),
         ("keep", {"keep": np.zeros((8, 8), np.uint8)}),
+        ("keep", {"keep": np.zeros((9, 8), np.uint8).T}),
+        ("cuts", {"cuts": np.zeros((8, 8), np.uint8)}),
+        ("cuts", {"cuts": np.zeros((8, 12), np.uint8)[:, :9]}),
     ],
 )
 def test_bad_arrays_are_named(field, arguments):
