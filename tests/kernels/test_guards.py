@@ -50,7 +50,8 @@ class Child:
         process.stdin.flush()
         line = process.stdout.readline()
         if not line:
-            raise Died(self._epitaph(asked, process.wait()))
+            process.communicate()
+            raise Died(self._epitaph(asked, process.returncode))
         answer = json.loads(line)
         self.called.setdefault(case, set()).update(answer["called"])
         counts: dict[str, float] = answer["counts"]
