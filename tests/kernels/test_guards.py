@@ -20,15 +20,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from farside.engine.kernels.rendering import antialias
+from farside.engine.rendering import canvas as canvas_module
+from farside.engine.rendering.canvas import Canvas
 from support import guard_cases
-from support.guarded import FLUSHES, guarded, kernels_of_engine
+from support import guarded as guarded_module
+from support.guarded import FLUSHES, guarded, guarding, kernels_of_engine
 
 KERNELS = Path(guard_cases.engine_module.__file__).parents[1] / "kernels"
 TESTS = Path(guard_cases.__file__).parents[1]
 TIMES = int(os.environ.get("FARSIDE_GUARD_CASES", "1"))
 
 
-class Died(AssertionError):
+class DiedError(AssertionError):
     """The child is gone: which case it was at, and what it said."""
 
 
@@ -41,7 +45,7 @@ class Child:
         self._said = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed by `close`)
 
     def run(self, case: str, seed: int, flush: str, **options: object) -> dict[str, float]:
-        """A case's counts; raises Died where it brings the child down."""
+        """A case's counts; raises DiedError where it brings the child down."""
         asked = {"case": case, "seed": seed, "flush": flush, **options}
         process = self._process or self._start()
         assert process.stdin is not None
@@ -51,7 +55,7 @@ class Child:
         line = process.stdout.readline()
         if not line:
             process.communicate()
-            raise Died(self._epitaph(asked, process.returncode))
+            raise DiedError(self._epitaph(asked, process.returncode))
         answer = json.loads(line)
         self.called.setdefault(case, set()).update(answer["called"])
         counts: dict[str, float] = answer["counts"]
@@ -63,8 +67,8 @@ class Child:
         # What is allocated afresh is full of nonsense: who reads it before it was written goes astray.
         environment = {**os.environ, "MALLOC_PERTURB_": "165", "PYTHONPATH": str(TESTS)}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "support.guard_cases"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said,
-            text=True, env=environment,
+            [sys.executable, "-m", "support.guard_cases"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=self._said, text=True, env=environment,
         )  # fmt: skip
         return self._process
 
@@ -112,8 +116,32 @@ def test_many_guarded_arrays_are_given_back():
 
 
 @pytest.mark.parametrize("flush", FLUSHES)
+def test_what_the_engine_allocates_and_hands_to_kernels_is_guarded(flush, monkeypatch):
+    given: list[np.ndarray] = []
+    kernel = antialias.mark_silhouettes
+
+    def noted(array: np.ndarray, flush: str) -> np.ndarray:
+        given.append(guarded(array, flush))
+        return given[-1]
+
+    monkeypatch.setattr(guarded_module, "guarded", noted)
+    called: set[str] = set()
+    with guarding(flush, called):
+        canvas = Canvas(30, 20)
+        canvas.disparity[5:, 7:] = 1.0
+        canvas.disparity[9:, 9:] = 2.0
+        made, marks = len(given), canvas.silhouettes(0.5)
+    assert 0 < marks.sum() < marks.size
+    assert made >= 5  # planes
+    assert len(given) >= made + 3  # the marks, and what the kernel was given
+    assert called == {"rendering.antialias.mark_silhouettes"}
+    assert canvas_module.np is np
+    assert canvas_module.antialias.mark_silhouettes is kernel
+
+
+@pytest.mark.parametrize("flush", FLUSHES)
 def test_an_element_beyond_kills_and_is_reported(child, flush):
-    with pytest.raises(Died) as caught:
+    with pytest.raises(DiedError) as caught:
         child.run("beyond", 7, flush)
     said = str(caught.value)
     assert f"'case': 'beyond', 'seed': 7, 'flush': '{flush}'" in said
@@ -124,7 +152,7 @@ def test_an_element_beyond_kills_and_is_reported(child, flush):
 
 
 def test_a_case_that_hangs_is_reported(child):
-    with pytest.raises(Died, match="'case': 'hanging'") as caught:
+    with pytest.raises(DiedError, match="'case': 'hanging'") as caught:
         child.run("hanging", 3, "end", hangs_s=0.5)
     assert "Timeout" in str(caught.value)
     assert "in hanging" in str(caught.value)

@@ -143,8 +143,12 @@ def _modules() -> Iterator[types.ModuleType]:
             yield module
 
 
+def _is_module(value: Any) -> bool:
+    return isinstance(value, types.ModuleType)
+
+
 def _is_kernels(value: Any) -> bool:
-    return isinstance(value, types.ModuleType) and value.__name__.startswith(_KERNELS)
+    return _is_module(value) and value.__name__.startswith(_KERNELS)
 
 
 def kernels_of_engine() -> set[str]:
@@ -195,8 +199,8 @@ def guarding(flush: str, called: set[str]) -> Iterator[None]:
         if isinstance(value, Dispatcher):
             return _Kernel(value, flush, called)
         if _is_kernels(value):
-            names = {name: wrapped(part) for name, part in vars(value).items() if not isinstance(part, types.ModuleType)}
-            return types.SimpleNamespace(**names)
+            parts = vars(value).items()
+            return types.SimpleNamespace(**{name: wrapped(part) for name, part in parts if not _is_module(part)})
         if isinstance(value, tuple) and any(isinstance(part, Dispatcher) for part in value):
             parts = [wrapped(part) for part in value]
             return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
@@ -218,8 +222,8 @@ def guarding(flush: str, called: set[str]) -> Iterator[None]:
 @contextmanager
 def _known_arrays(flush: str) -> Iterator[None]:
     """Guard the flags that triangulators copy, and note which arrays are tiles."""
-    from farside.engine.rendering import canvas, tiles
     from farside.engine.geometry.triangulation import Triangulator
+    from farside.engine.rendering import canvas, tiles
 
     triangulate, new_tiles = Triangulator.triangulate, tiles.new_tiles
 
