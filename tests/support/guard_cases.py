@@ -362,6 +362,27 @@ def pipeline(rng: Rng, flush: str) -> Counts:
         engine.close()
 
 
+def uncovering(rng: Rng, flush: str) -> Counts:
+    """A ball goes away in two steps: what is behind it becomes background, and then what was behind that."""
+    p = Perspective.from_fov(*any_size(rng, (47, 64, 65)), 1.2)
+    coding = DepthCoding(0.3, 50.0, 16, has_invalid=True)
+    cameras = [Camera(f"v{k}", p, Pose((0.0, 0.1 * k, 0.0)), coding) for k in range(3)]
+    changes = {"n_update": 3, "baseline_m": 0.5, "delta_m": 0.1, "margin_m": 0.05}
+    stride = int(rng.integers(2))
+    engine = engine_module.Engine(cameras, Settings.preset("best", culling_stride=stride, **changes))
+    video = []
+    for index, ball in enumerate([1.5, 1.5, 2.5, 2.5, 99.0, 99.0, 99.0, 99.0]):
+        views = []
+        for camera in cameras:
+            codes = coding.codes(room_depth(camera, np.array([ball, 0.1, 0.0])))
+            views.append(View(camera, any_texture(rng, p.height, p.width, flush), guarded(codes, flush)))
+        video.append(Frame(index, tuple(views)))
+    try:
+        return play(rng, engine, video)
+    finally:
+        engine.close()
+
+
 def hostile(rng: Rng, flush: str) -> Counts:
     """As `pipeline`, with numbers that nobody means but that may come in: it may refuse them, not fault or hang."""
     cameras = any_rig(rng)
@@ -482,8 +503,8 @@ def hanging(rng: Rng, flush: str) -> Counts:
 
 
 _CASES = (
-    shading, triangulating, pictures, pipeline, hostile, far_triangles, at_the_eye, no_colours, lost_points, beyond,
-    hanging,
+    shading, triangulating, pictures, pipeline, uncovering, hostile, far_triangles, at_the_eye, no_colours, lost_points,
+    beyond, hanging,
 )  # fmt: skip
 CASES: Mapping[str, Callable[[Rng, str], Counts]] = {case.__name__: case for case in _CASES}
 
