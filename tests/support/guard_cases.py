@@ -128,7 +128,16 @@ def any_codes(rng: Rng, camera: Camera, ball: np.ndarray) -> np.ndarray:
 
 
 def any_plane(rng: Rng, shape: tuple[int, int]) -> np.ndarray:
-    kind = rng.integers(4)
+    """Flat, rough, waves, or flat with stripes a little inside the borders, where what is rough may begin."""
+    kind = rng.integers(6)
+    if kind > 3:
+        plane, stripes = np.full(shape, 500, np.uint16), rng.integers(64, 940, shape)
+        inner = rng.integers(2, 6)
+        for side in (np.s_[inner : inner + 2], np.s_[-inner - 2 : -inner]):
+            plane[side] = stripes[side]
+            if kind > 4:
+                plane[:, side] = stripes[:, side]
+        return plane
     if kind == 0:
         return np.full(shape, rng.integers(0, 1024), np.uint16)
     if kind == 1:
@@ -174,13 +183,13 @@ def any_options(rng: Rng) -> TriangulationOptions:
 def any_target(rng: Rng, views: list[View]) -> Camera:
     """Near the views, turned or not, from behind, past their borders, wide or narrow."""
     like = views[rng.integers(len(views))].camera
-    kind = rng.integers(5)
+    kind = rng.choice([0, 1, 1, 2, 3, 3])
     if kind == 0:
         return Camera("t", any_projection(rng), like.pose, like.depth)
     if kind == 1:  # the view's own picture, moved by some pixels and at another size
-        p, scale = like.projection, rng.uniform(0.2, 2.5)
+        p, scale = like.projection, rng.uniform(0.3, 2.0)
         if isinstance(p, Perspective):
-            moved = rng.uniform(-0.6, 0.6, 2) * (p.width, p.height)
+            moved = rng.uniform(0.0, 12.0, 2)  # past the upper and left border a little
             size = max(4, round(p.width * min(scale, 1.5))), max(4, round(p.height * min(scale, 1.5)))
             return dataclasses.replace(like, name="t", projection=Perspective(
                 *size, scale * p.fx, scale * p.fy, scale * p.cx + moved[0], scale * p.cy + moved[1]
