@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from ..geometry.mesh import Mesh
 from ..kernels.background.directions import COLUMNS, ROWS, forget_marks, note_directions
-from ..kernels.base.tolerance import Slack
+from ..kernels.base.tolerance import Delta
 from .pbs import Surface
 
 __all__ = ["ChangedDirections"]
@@ -31,7 +31,7 @@ class ChangedDirections:
         """All geometry may be elsewhere."""
         self._cells[:] = np.inf
 
-    def forget(self, camera: int, surfaces: list[Surface], delta: Slack) -> None:
+    def forget(self, camera: int, surfaces: list[Surface], delta: Delta) -> None:
         """A camera's turn: takes its marks from what has changes behind it, by delta / 2, and forgets these."""
         cells, word, bit = self._cells[camera], camera // 64, np.uint64(1 << (camera % 64))
         if cells.any():

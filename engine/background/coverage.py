@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..kernels.background import coverage as kernels
-from ..kernels.base.tolerance import Slack
+from ..kernels.base.tolerance import Delta
 from ..rig.frame import View
 from .maximum_depth import coding_row
 
@@ -51,12 +51,12 @@ class _Taken(NamedTuple):
 class Coverage:
     """The surfaces that the views taken up to now show.
 
-    `tolerance`: how much nearer a surface may be that is taken as one with another; positions are relative to
-    `origin`, metres.
+    `delta`: how much nearer a surface may be that is taken as one with another; positions are relative to `origin`,
+    metres.
     """
 
-    def __init__(self, tolerance: Slack, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        self._tolerance, self._origin = tolerance, origin
+    def __init__(self, delta: Delta, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        self._delta, self._origin = delta, origin
         self._taken: list[_Taken] = []
 
     def take(self, view: View, edge: float) -> npt.NDArray[np.uint8]:  # [h, w]
@@ -67,10 +67,10 @@ class Coverage:
         codes, coding = view.codes, coding_row(view.camera)
         blocks = [max(1, math.ceil((size - 1) / kernels.BLOCK)) for size in codes.shape]
         smooth = np.empty(blocks, np.uint8)
-        kernels.mark_smooth(codes, coding, self._tolerance, smooth)
+        kernels.mark_smooth(codes, coding, self._delta, smooth)
         new = _Taken(codes, view.camera.packed(self._origin), coding, smooth, edge / view.camera.depth.step)
         keep = np.ones(codes.shape, np.uint8)
         for old in self._taken:
-            kernels.keep_farther(*new[:4], *old, self._tolerance, keep)
+            kernels.keep_farther(*new[:4], *old, self._delta, keep)
         self._taken.append(new)
         return keep

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ..geometry.embree import MarkQuery
 from ..kernels.background.culling import list_unmarked, mark_by_triangle, mark_grid
-from ..kernels.base.tolerance import Slack
+from ..kernels.base.tolerance import Delta
 from ..support.array_types import F64
 from .pbs import ProbableBackgroundSurface, Surface
 
@@ -35,7 +35,7 @@ class Unmarked(NamedTuple):
 
 
 def mark_background(
-    pbs: ProbableBackgroundSurface, camera: int, packed: F64, stride: int, delta: Slack
+    pbs: ProbableBackgroundSurface, camera: int, packed: F64, stride: int, delta: Delta
 ) -> int:
     """Casts a camera's culling rays and renews its marks; returns the number of rays.
 
@@ -60,7 +60,7 @@ def clear_marks(pbs: ProbableBackgroundSurface, camera: int) -> None:
 
 
 def mark_missed(
-    pbs: ProbableBackgroundSurface, cameras: Sequence[int], packed: F64, delta: Slack, *, share: bool = False
+    pbs: ProbableBackgroundSurface, cameras: Sequence[int], packed: F64, delta: Delta, *, share: bool = False
 ) -> tuple[int, list[Unmarked]]:
     """Looks again at triangles without a mark: the first of the cameras that finds one marks it; returns the rays, and
     what is left without a mark.

@@ -183,7 +183,7 @@ class BackgroundModel:
         return report
 
     def _build_static(self, views: Sequence[View]) -> None:
-        coverage = Coverage(self._tolerances.slack, self._origin)
+        coverage = Coverage(self._tolerances.delta, self._origin)
         for c in choose_views(views, self.settings.n_init):
             keep = coverage.take(views[c], self._options[c].edge)
             mesh = self._triangulate(c, views[c].codes, keep)
@@ -305,7 +305,7 @@ class BackgroundModel:
         counts = np.empty((len(blocks), 5), np.int64)
         accept_candidates(
             self._pbs.intersect, self._pbs.scene, self._packed[c], self._pbs.bounds, coding_row(image.camera),
-            image.codes, image.flags, self._tolerances.slack, blocks, *BLOCK, counts,
+            image.codes, image.flags, self._tolerances.delta, blocks, *BLOCK, counts,
         )  # fmt: skip
         image.pending[:] = False
         image.lone[tuple(blocks.T)] = counts[:, 3] > 0  # waits until there is more beside it
@@ -334,14 +334,14 @@ class BackgroundModel:
 
     def _cull(self, cameras: Sequence[int], report: UpdateReport, *, share: bool = False) -> None:
         """Renews the marks of some cameras, and flags what no camera's marks are left on."""
-        slack = self._tolerances.slack
+        delta = self._tolerances.delta
         for c in cameras:
             self._cast_version[c] = self._pbs.version
-            self._changed.forget(c, list(self._pbs.surfaces()), slack)
+            self._changed.forget(c, list(self._pbs.surfaces()), delta)
             if stride := self.settings.culling_stride:
-                report.rays += mark_background(self._pbs, c, self._packed[c], stride, slack)
+                report.rays += mark_background(self._pbs, c, self._packed[c], stride, delta)
         order = [*cameras, *(c for c in self._fixed() if c not in cameras)]
-        rays, unmarked = mark_missed(self._pbs, order, self._packed, slack, share=share)
+        rays, unmarked = mark_missed(self._pbs, order, self._packed, delta, share=share)
         report.rays += rays
         with self._lock:
             report.culled += cull_unmarked(self._pbs, unmarked)
@@ -356,7 +356,7 @@ class BackgroundModel:
             present = ViewTable([PreparedView(view, options, self._origin) for view, options in prepared])
             owned = [(self.cameras[c], surface) for c, surface in surfaces.items()]
             hidden, rays = flag_hidden(
-                self._space, self._pbs, owned, present.rows, self._seen(present), self._tolerances.slack
+                self._space, self._pbs, owned, present.rows, self._seen(present), self._tolerances.delta
             )
             report.hidden += hidden
             report.rays += rays
@@ -384,7 +384,7 @@ class BackgroundModel:
             self._pbs.intersect, self._pbs.scene, camera.packed(self._origin), self._pbs.bounds,
             coding_row(camera), camera.depth.max_code, self._pbs.surface_table, self._image_table,
             near, np.empty((0, 0)) if present is None else present.rows, self._seen(present),
-            self._tolerances.slack, sparse,
+            self._tolerances.delta, sparse,
             np.empty((0, 0), np.uint8) if wanted is None else wanted, codes, texture.y, texture.cb, texture.cr,
         )  # fmt: skip
         return BackgroundImage(View(camera, texture, codes), int(rays))

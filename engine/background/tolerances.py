@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..kernels.base.tolerance import Slack
+from ..kernels.base.tolerance import Delta
 from ..rig.camera import Camera
 from ..rig.depth import DepthCoding
 from ..rig.frame import View
@@ -57,7 +57,7 @@ class Tolerances:
     depth_m: float = 0.0
 
     @property
-    def slack(self) -> Slack:
+    def delta(self) -> Delta:
         """delta as kernels take it."""
         return float(self.delta_m), float(self.delta_disparity)
 

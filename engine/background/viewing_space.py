@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ..geometry.mesh import Mesh
 from ..kernels.background.hidden import CELL, flag_unseen, mark_seen, spread_seen
-from ..kernels.base.tolerance import Slack
+from ..kernels.base.tolerance import Delta
 from ..rig.camera import Camera, Equirectangular, Pose
 from ..rig.depth import DepthCoding
 from ..support.array_types import F64
@@ -68,13 +68,13 @@ class ViewingSpace:
 
 def flag_hidden(
     space: ViewingSpace, pbs: ProbableBackgroundSurface, surfaces: Sequence[tuple[Camera, Surface]],
-    table: F64, codes: npt.NDArray[np.int64], slack: Slack,
+    table: F64, codes: npt.NDArray[np.int64], delta: Delta,
 ) -> tuple[int, int]:  # fmt: skip
     """Flags triangles of surfaces (each with the camera that it stems from) as invalid that other background hides
     from all of the space; returns how many, and the rays cast.
 
     A triangle stays where one of the space's eyes is shown (`kernels.background.standing`, with its table, codes and
-    slack) one of some points of it, or what lies less than the slack before it; and so does what lies within CELL to 2
+    delta) one of some points of it, or what lies less than delta before it; and so does what lies within CELL to 2
     CELL pixels of it in its picture. This is a sampled answer. Wrongly lost may be what heads between the eyes see
     through a gap narrower than that, farther from the gap's sides than those pixels; and what is hidden now by
     something that is taken for background and will go away, where the views do not show it then: holes in the
@@ -88,7 +88,7 @@ def flag_hidden(
         for some in (eyes[::_FEW], eyes):  # few see most, and what is beside need not be asked for
             rays += mark_seen(
                 pbs.intersect, pbs.occluded, pbs.scene, some, pbs.bounds, mesh.points, mesh.uv, mesh.triangles,
-                surface.invalid, pbs.surface_table, table, codes, slack, wraps, cells, seen,
+                surface.invalid, pbs.surface_table, table, codes, delta, wraps, cells, seen,
             )  # fmt: skip
             spread_seen(mesh.uv, mesh.triangles, seen, wraps, cells)
         found.append((surface, wraps, cells))

@@ -373,11 +373,11 @@ class Engine:
     ) -> int:
         """Lay a viewer's backdrop behind the chosen views; returns the number of triangles."""
         assert self._model is not None
-        near, slack = _NEAR * front.scene.coding.near, self._model.tolerances.slack
+        near, delta = _NEAR * front.scene.coding.near, self._model.tolerances.delta
         # Section 3.4.2: moved backwards by delta.
-        push = slack if front.settings.backdrop_m is None else (front.settings.backdrop_m, 0.0)
+        push = delta if front.settings.backdrop_m is None else (front.settings.backdrop_m, 0.0)
         holes_only = not front.settings.overdraw
-        return canvas.draw_backdrop(backdrop, front.present, chosen, target, near, push, slack, holes_only=holes_only)
+        return canvas.draw_backdrop(backdrop, front.present, chosen, target, near, push, delta, holes_only=holes_only)
 
     def _smooth_silhouettes(
         self, canvas: Canvas, camera: Camera, front: _FrontBuffer, chosen: Sequence[int],

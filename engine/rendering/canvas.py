@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ..geometry.mesh import Mesh
 from ..geometry.prepared_view import Part, PreparedView, ViewTable
 from ..kernels.base import view_table
-from ..kernels.base.tolerance import Slack
+from ..kernels.base.tolerance import Delta
 from ..kernels.rendering import antialias, shade
 from ..kernels.rendering import backdrop as backdrop_kernels
 from ..kernels.rendering import fill as fill_kernels
@@ -117,7 +117,7 @@ class Canvas:
 
     def draw_backdrop(
         self, backdrop: PreparedView, present: ViewTable, drawn: Sequence[int], target: Target, near: float,
-        push: Slack, slack: Slack, *, holes_only: bool = False,
+        push: Delta, delta: Delta, *, holes_only: bool = False,
     ) -> int:  # fmt: skip
         """Lay a backdrop behind what was drawn, by `push` farther away than it is (section 3.4.2).
 
@@ -136,7 +136,7 @@ class Canvas:
             antialias.keep_marked(self._marks, self._backdrop)
         backdrop_kernels.lay_backdrop(
             self._backdrop, target.packed, present.rows, present.addresses, _others(present, drawn, target), push,
-            slack, number, self.disparity, self.winner,
+            delta, number, self.disparity, self.winner,
         )  # fmt: skip
         return triangles
 

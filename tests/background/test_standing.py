@@ -23,7 +23,7 @@ from oracle import standing as slow
 from support.rooms import CODING, camera_row, texture_of
 
 ORIGIN = np.zeros(3)
-SLACK = (0.1, 0.0)
+DELTA = (0.1, 0.0)
 FAR_X, NEAR_X, POST_X = 6.0, 3.0, 1.5
 WINDOW = 0.5  # half of the side of the square hole in the nearer wall
 FAR_Y, NEAR_Y, POST_Y = 700, 300, 900  # luma
@@ -36,10 +36,10 @@ def prepared(camera, codes, luma=500):
 
 
 @numba.njit
-def _hits(function, scene, camera, bounds, uv, near, owners, table, codes, slack, result):
+def _hits(function, scene, camera, bounds, uv, near, owners, table, codes, delta, result):
     for i in range(len(uv)):
         distance, _u, _v, geometry, primitive, _length, rays = standing_hit(
-            function, scene, camera, bounds, uv[i, 0], uv[i, 1], near, owners, table, codes, slack
+            function, scene, camera, bounds, uv[i, 0], uv[i, 1], near, owners, table, codes, delta
         )
         result[i, 0], result[i, 1], result[i, 2], result[i, 3] = distance, geometry, primitive, rays
 
@@ -82,14 +82,14 @@ def test_the_shown_surface_is_that_of_the_slow_choice(projection, near, seed):
     owners[:, 2] = [owner for _points, _triangles, owner in meshes]
     bounds = scene.bounds() + np.array([[-0.01], [0.01]])
     _hits(
-        intersect_address(), scene.address, camera.packed(), bounds, uv, near, owners, table.rows, codes, SLACK, result
+        intersect_address(), scene.address, camera.packed(), bounds, uv, near, owners, table.rows, codes, DELTA, result
     )
     asked = [
         (view, row[EDGE], present, memory) for (view, present, memory), row in zip(views, table.rows, strict=True)
     ]
     layers = []
     for (u, v), (distance, mesh, triangle, rays) in zip(uv, result, strict=True):
-        expected, *which = slow.standing(camera, u, v, near, meshes, asked, SLACK)
+        expected, *which = slow.standing(camera, u, v, near, meshes, asked, DELTA)
         assert (distance > 0) == np.isfinite(expected)
         if np.isfinite(expected):
             assert distance == pytest.approx(expected, abs=1e-4)
@@ -106,16 +106,16 @@ def test_the_shown_surface_is_that_of_the_slow_choice(projection, near, seed):
     [(3.0, False, True), (3.08, False, True), (2.92, False, True), (2.0, False, False), (3.2, True, False),
      (6.0, True, False), (np.nan, False, False)],
 )  # fmt: skip
-@pytest.mark.parametrize("slack", [SLACK, (0.02, 0.1 / 9.0)])  # at 3 m the same
-def test_what_a_view_says_of_a_point(seen, through, shown, slack):
+@pytest.mark.parametrize("delta", [DELTA, (0.02, 0.1 / 9.0)])  # at 3 m the same
+def test_what_a_view_says_of_a_point(seen, through, shown, delta):
     camera = camera_row(1)[0]
     codes = np.full((camera.height, camera.width), CODING.codes(np.array(seen)), np.uint16)
     row, at = prepared(camera, codes).table_row, np.array([3.0, 0.2, 0.1])
-    assert looks_through(row, codes.ctypes.data, *at, slack) == through == slow.looks_through(camera, codes, at, slack)
-    assert shows(row, codes.ctypes.data, *at, slack) == shown == slow.shows(camera, row[EDGE], codes, at, slack)
+    assert looks_through(row, codes.ctypes.data, *at, delta) == through == slow.looks_through(camera, codes, at, delta)
+    assert shows(row, codes.ctypes.data, *at, delta) == shown == slow.shows(camera, row[EDGE], codes, at, delta)
     for outside in ((-3.0, 0.0, 0.0), (3.0, 40.0, 0.0), (0.01, 0.0, 0.0)):
-        assert not looks_through(row, codes.ctypes.data, *outside, slack)
-        assert not shows(row, codes.ctypes.data, *outside, slack)
+        assert not looks_through(row, codes.ctypes.data, *outside, delta)
+        assert not shows(row, codes.ctypes.data, *outside, delta)
 
 
 def test_a_slanted_surface_is_seen_and_a_depth_edge_is_not():

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from oracle.rays import slack_at
+from oracle.rays import delta_at
 
 
-def farther_pixels(view, earlier, tolerance, edge):
+def farther_pixels(view, earlier, delta, edge):
     """True where, in every earlier view that has four pixels around the point, one of these is without depth, or
-    their surface is nearer than the point by more than the tolerance: at a depth edge (a step of disparity of more
+    their surface is nearer than the point by more than the delta: at a depth edge (a step of disparity of more
     than `edge`) the nearest of them, elsewhere what lies between."""
     keep = np.ones(view.codes.shape, bool)
     depth = view.camera.depth.depth(view.codes)
@@ -22,6 +22,6 @@ def farther_pixels(view, earlier, tolerance, edge):
             seen = other.camera.depth.disparity(other.codes[y : y + 2, x : x + 2])
             across, down = u - 0.5 - x, v - 0.5 - y
             between = np.array([1 - down, down]) @ seen @ np.array([1 - across, across])
-            if 1 / (seen.max() if np.ptp(seen) > edge else between) >= there - slack_at(tolerance, there):  # nan: not
+            if 1 / (seen.max() if np.ptp(seen) > edge else between) >= there - delta_at(delta, there):  # nan: not
                 keep[row, column] = False
     return keep

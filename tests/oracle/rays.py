@@ -32,9 +32,9 @@ def farthest(camera, u, v, points, triangles):
     return (np.nan, -1) if np.all(np.isnan(t)) else (float(np.nanmax(t)), int(np.nanargmax(t)))
 
 
-def slack_at(slack, distance):
+def delta_at(delta, distance):
     """delta at a distance: metres, or an error of disparity (1/m) where that is more."""
-    return max(slack[0], slack[1] * distance**2)
+    return max(delta[0], delta[1] * distance**2)
 
 
 def marked(camera, uvs, points, triangles, delta):
@@ -43,7 +43,7 @@ def marked(camera, uvs, points, triangles, delta):
     for u, v in uvs:
         t = hit_distances(*pixel_ray(camera, u, v), points, triangles)
         if not np.all(np.isnan(t)):
-            result |= t >= np.nanmax(t) - 0.5 * slack_at(delta, np.nanmax(t))
+            result |= t >= np.nanmax(t) - 0.5 * delta_at(delta, np.nanmax(t))
     return result
 
 
@@ -61,5 +61,5 @@ def background(cameras, samples, points, triangles, delta):
                 distance = np.linalg.norm(at - start)
                 t = hit_distances(start, (at - start) / distance, points, triangles)
                 t[i] = np.nan
-                result[c, i] |= not np.any(t > distance + 0.5 * slack_at(delta, distance))
+                result[c, i] |= not np.any(t > distance + 0.5 * delta_at(delta, distance))
     return result

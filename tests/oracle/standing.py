@@ -3,37 +3,37 @@
 from __future__ import annotations
 
 import numpy as np
-from oracle.rays import hit_distances, pixel_ray, slack_at
+from oracle.rays import delta_at, hit_distances, pixel_ray
 
 
-def _texels(camera, codes, point, slack):
+def _texels(camera, codes, point, delta):
     """Codes of the four texels round a point's image in a view, and its depth there; none where it has no image."""
     (u, v), depth = camera.project(point)
     h, w = codes.shape
-    if not (depth > slack_at(slack, depth) and 0.5 <= u <= w - 0.5 and 0.5 <= v <= h - 0.5):
+    if not (depth > delta_at(delta, depth) and 0.5 <= u <= w - 0.5 and 0.5 <= v <= h - 0.5):
         return codes[:0], depth
     x, y = min(int(u - 0.5), w - 2), min(int(v - 0.5), h - 2)
     return codes[y : y + 2, x : x + 2], depth
 
 
-def looks_through(camera, codes, point, slack):
-    """Whether a view's depths [h, w] are all more than slack behind the point, on the texels round its image."""
-    texels, depth = _texels(camera, codes, point, slack)
-    limit = depth + slack_at(slack, depth)
+def looks_through(camera, codes, point, delta):
+    """Whether a view's depths [h, w] are all more than delta behind the point, on the texels round its image."""
+    texels, depth = _texels(camera, codes, point, delta)
+    limit = depth + delta_at(delta, depth)
     return bool(texels.size and np.all(camera.depth.depth(texels) > limit))  # nan: nothing known
 
 
-def shows(camera, edge, codes, point, slack):
+def shows(camera, edge, codes, point, delta):
     """Whether those texels are one surface, with no step of more than `edge` codes, and it passes near the point."""
-    texels, depth = _texels(camera, codes, point, slack)
+    texels, depth = _texels(camera, codes, point, delta)
     depths = camera.depth.depth(texels)
     if not texels.size or np.isnan(depths).any() or np.ptp(texels.astype(int)) > edge:
         return False
-    around = slack_at(slack, depth)
+    around = delta_at(delta, depth)
     return bool(depths.min() <= depth + around and depths.max() >= depth - around)
 
 
-def standing(camera, u, v, near, meshes, views, slack):
+def standing(camera, u, v, near, meshes, views, delta):
     """(distance, mesh, triangle) shown behind (u, v), nan where nothing is.
 
     meshes: (points, triangles, owner); views: (camera, edge, present, memory), owners index them.
@@ -49,10 +49,10 @@ def standing(camera, u, v, near, meshes, views, slack):
     for t, number, i in hits:
         point = start + t * direction
         owner, edge, present, _memory = views[meshes[number][2]]
-        if shows(owner, edge, present, point, slack):
+        if shows(owner, edge, present, point, delta):
             return t, number, i
-        if t >= hits[-1][0] - slack_at(slack, hits[-1][0]):
+        if t >= hits[-1][0] - delta_at(delta, hits[-1][0]):
             return hits[-1]
-        if not any(looks_through(view, memory, point, slack) for view, _edge, _present, memory in views):
+        if not any(looks_through(view, memory, point, delta) for view, _edge, _present, memory in views):
             return t, number, i
     return hits[-1] if hits else (np.nan, -1, -1)

@@ -57,7 +57,7 @@ def test_the_push_follows_depth(depth, moved):
 
 
 @pytest.mark.parametrize(("live", "hides"), [(7.5, False), (8.2, True)])
-def test_far_away_only_what_is_nearer_by_the_slack_there_hides(live, hides):
+def test_far_away_only_what_is_nearer_by_delta_there_hides(live, hides):
     """A backdrop at 6 m is moved by 0.72 m, and must from there be nearer by 0.9 m and 3 %."""
     canvas = layered(live, 6.0, 6.0, curve=0.02)
     assert (canvas.winner[INNER] == (1 if hides else 0)).all()

@@ -14,13 +14,13 @@ import numpy as np
 from ...support.array_types import F32, F64, I64, U8, U16
 from ..base.jit import inlined, parallel, serial
 from ..base.project import project_pixels, project_point, unproject_point
-from ..base.tolerance import Slack, slack_at
+from ..base.tolerance import Delta, delta_at
 
 __all__ = ["BLOCK", "cover_cells", "keep_farther", "mark_smooth"]
 
 BLOCK = 8  # pixels; blocks share their corners, which are pixels of every eighth row and column, and of the last
 _REACH = 4  # blocks of an earlier picture, each way, that the image of a block may lie in
-_SMOOTH = 0.25  # share of the tolerance by which a smooth block's depths may be off those between its corners
+_SMOOTH = 0.25  # share of delta by which a smooth block's depths may be off those between its corners
 # Outside a picture, by side.
 _LEFT, _RIGHT, _ABOVE, _BELOW, _UNKNOWN = 1, 2, 4, 8, 16
 
@@ -55,10 +55,10 @@ def _keep_worst(line: U16, upper: F32, lower: F32, share: float, worst: F32) -> 
 
 
 @parallel
-def mark_smooth(codes: U16, coding: F64, tolerance: Slack, smooth: U8) -> None:
+def mark_smooth(codes: U16, coding: F64, delta: Delta, smooth: U8) -> None:
     """Sets smooth [ceil((h - 1) / BLOCK), ceil((w - 1) / BLOCK)] to 1 where a block's depths follow from its corners'.
 
-    Bilinearly, within a share of the tolerance, and all are valid; else 0. coding as in `keep_farther`.
+    Bilinearly, within a share of delta, and all are valid; else 0. coding as in `keep_farther`.
     """
     h, w = codes.shape
     for row in numba.prange(smooth.shape[0]):
@@ -75,7 +75,7 @@ def mark_smooth(codes: U16, coding: F64, tolerance: Slack, smooth: U8) -> None:
             left, right = BLOCK * column, min(BLOCK * (column + 1), w - 1)
             lowest = min(min(upper[left], upper[right]), min(lower[left], lower[right]))
             depth = _depth(lowest, coding)
-            limit = _SMOOTH * slack_at(tolerance, depth) / (depth * depth * coding[1])
+            limit = _SMOOTH * delta_at(delta, depth) / (depth * depth * coding[1])
             largest = np.float32(0.0)
             for x in range(left, right + 1):
                 largest = max(largest, worst[x])
@@ -106,11 +106,11 @@ def _farther(codes: U16, coding: F64, wraps: bool, edge: float, u: float, v: flo
 @serial
 def _look_at_corners(
     codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
-    edge: float, tolerance: Slack, row: int, pixels: F64, images: F64, outside: I64,
+    edge: float, delta: Delta, row: int, pixels: F64, images: F64, outside: I64,
 ) -> None:  # fmt: skip
     """A row of blocks' corners in an earlier view: images [3, columns + 1] u, v and by how much it sees farther than
-    has to be, in tolerances; `outside`: on which sides they are outside its picture, or unknown. pixels: room as large
-    as images."""
+    has to be, in units of delta; `outside`: on which sides they are outside its picture, or unknown. pixels: room as
+    large as images."""
     h, w = codes.shape
     y = min(BLOCK * row, h - 1)
     count = images.shape[1]
@@ -123,10 +123,10 @@ def _look_at_corners(
         side = (u < 0.0) * _LEFT + (u >= earlier_camera[1]) * _RIGHT
         side += (v < 0.0) * _ABOVE + (v >= earlier_camera[2]) * _BELOW
         outside[i] = side if there > 0.0 else _UNKNOWN
-        slack = slack_at(tolerance, there)
+        allowed = delta_at(delta, there)
         images[2, i] = _farther(
-            earlier_codes, earlier_coding, earlier_camera[19] != 0.0, edge, u, v, there - slack
-        ) / slack if outside[i] == 0 else 0.0  # fmt: skip
+            earlier_codes, earlier_coding, earlier_camera[19] != 0.0, edge, u, v, there - allowed
+        ) / allowed if outside[i] == 0 else 0.0  # fmt: skip
 
 
 @inlined
@@ -158,7 +158,7 @@ def _clear(keep: U8, top: int, bottom: int, left: int, right: int) -> None:
 @serial
 def _look_at_pixels(
     codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
-    edge: float, tolerance: Slack, top: int, bottom: int, left: int, right: int, pixels: F64, images: F64, keep: U8,
+    edge: float, delta: Delta, top: int, bottom: int, left: int, right: int, pixels: F64, images: F64, keep: U8,
 ) -> int:  # fmt: skip
     """What `keep_farther` does, of a block; returns the number of pixels that were not cleared before."""
     count = 0
@@ -172,7 +172,7 @@ def _look_at_pixels(
     for i in range(count):
         u, v, there = images[0, i], images[1, i], images[2, i]
         if there > 0.0 and u >= 0.0 and v >= 0.0 and u < earlier_camera[1] and v < earlier_camera[2]:
-            wraps, limit = earlier_camera[19] != 0.0, there - slack_at(tolerance, there)
+            wraps, limit = earlier_camera[19] != 0.0, there - delta_at(delta, there)
             if _farther(earlier_codes, earlier_coding, wraps, edge, u, v, limit) >= 0.0:
                 keep[int(pixels[1, i]), int(pixels[0, i])] = 0
     return count
@@ -182,7 +182,7 @@ def _look_at_pixels(
 def keep_farther(
     codes: U16, camera: F64, coding: F64, smooth: U8,
     earlier_codes: U16, earlier_camera: F64, earlier_coding: F64, earlier_smooth: U8,
-    edge: float, tolerance: Slack, keep: U8,
+    edge: float, delta: Delta, keep: U8,
 ) -> int:  # fmt: skip
     """Clears keep [h, w] where an earlier view sees the pixel's point, or something about as far or farther.
 
@@ -199,7 +199,7 @@ def keep_farther(
         out_above, out_below = np.empty(columns + 1, np.int64), np.empty(columns + 1, np.int64)
         for k in range(2):
             _look_at_corners(
-                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, tolerance,
+                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, delta,
                 row + k, room, below if k else above, out_below if k else out_above,
             )  # fmt: skip
         # The last row and column of blocks hold the last pixels; the others' belong to their neighbours.
@@ -222,7 +222,7 @@ def keep_farther(
                         _clear(keep, BLOCK * row, bottom, left, right)
                     continue
             single += _look_at_pixels(
-                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, tolerance,
+                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, delta,
                 BLOCK * row, bottom, left, right, block[0], block[1], keep,
             )  # fmt: skip
     return single

@@ -10,7 +10,7 @@ import numpy as np
 from ...support.array_types import F32, F64, I32, I64, U8, U64
 from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point
-from ..base.tolerance import Slack, slack_at
+from ..base.tolerance import Delta, delta_at
 from .rays import INVALID_ID, ROUNDING, distance_to_exit, intersect1, is_free, or_u64, outside_ray
 
 __all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "list_unmarked", "mark_by_triangle", "mark_grid"]
@@ -30,7 +30,7 @@ SMALL_PX = 2.5
 @inlined
 def _mark_along(
     function: int, scene: int, query: int, camera: F64, bounds: F64, u: float, v: float,
-    delta: Slack, marks: I64, word: int, bits: int,
+    delta: Delta, marks: I64, word: int, bits: int,
 ) -> int:  # fmt: skip
     """Marks the farthest triangle behind (u, v) and all within delta around it; returns the rays cast."""
     x, y, z, dx, dy, dz, far, _length = outside_ray(camera, bounds, u, v)
@@ -45,18 +45,18 @@ def _mark_along(
         return 1
     address = marks[geometry, 0] + numba.int64(primitive) * marks[geometry, 1] + 8 * word
     or_u64(address, numba.uint64(bits))
-    around = 0.5 * slack_at(delta, far - t)
-    if around <= 0.0:
+    half = 0.5 * delta_at(delta, far - t)
+    if half <= 0.0:
         return 1
-    near = np.float32(max(t - around, 0.0))
-    intersect1(function, scene, query, ox, oy, oz, fx, fy, fz, near, np.float32(t + around))
+    near = np.float32(max(t - half, 0.0))
+    intersect1(function, scene, query, ox, oy, oz, fx, fy, fz, near, np.float32(t + half))
     return 2
 
 
 @parallel
 def mark_grid(
     function: int, scene: int, query: int, camera: F64, bounds: F64, stride: int,
-    delta: Slack, marks: I64, word: int, bits: int,
+    delta: Delta, marks: I64, word: int, bits: int,
 ) -> int:  # fmt: skip
     """Two rays for every stride-th pixel, every stride-th row; returns the number of rays cast.
 
@@ -78,7 +78,7 @@ def mark_grid(
 
 
 @inlined
-def _looks(occluded: int, scene: int, camera: F64, bounds: F64, x: float, y: float, z: float, delta: Slack) -> int:
+def _looks(occluded: int, scene: int, camera: F64, bounds: F64, x: float, y: float, z: float, delta: Delta) -> int:
     """What a camera says of a point: 0: not in its picture; 1: something is farther by delta / 2; 2: nothing is."""
     u, v, depth = project_point(camera, x, y, z)
     if not (depth > 0.0 and u >= 0.0 and v >= 0.0 and u < camera[1] and v < camera[2]):
@@ -88,7 +88,7 @@ def _looks(occluded: int, scene: int, camera: F64, bounds: F64, x: float, y: flo
     dx, dy, dz = dx / distance, dy / distance, dz / distance
     far = distance_to_exit(bounds, camera[16], camera[17], camera[18], dx, dy, dz)
     # Only up to the point's neighbourhood: most rays meet nothing at all on their way.
-    reach = far - distance - max(0.5 * slack_at(delta, distance), ROUNDING * distance)
+    reach = far - distance - max(0.5 * delta_at(delta, distance), ROUNDING * distance)
     if not reach > 0.0:
         return 2
     x, y, z = camera[16] + far * dx, camera[17] + far * dy, camera[18] + far * dz
@@ -98,7 +98,7 @@ def _looks(occluded: int, scene: int, camera: F64, bounds: F64, x: float, y: flo
 @parallel
 def mark_by_triangle(
     occluded: int, scene: int, cameras: F64, order: I64, run: int, bounds: F64, points: F32, uv: F32,
-    triangles: I32, which: I64, delta: Slack, marks: U64,
+    triangles: I32, which: I64, delta: Delta, marks: U64,
 ) -> int:  # fmt: skip
     """Gives triangles `which` [n] the mark of the first camera that has one as background; returns the rays cast.
 

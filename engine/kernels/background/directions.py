@@ -13,7 +13,7 @@ import numpy as np
 
 from ...support.array_types import F32, F64, I32, I64, U64
 from ..base.jit import inlined, parallel
-from ..base.tolerance import Slack, slack_at
+from ..base.tolerance import Delta, delta_at
 
 __all__ = ["COLUMNS", "ROWS", "forget_marks", "note_directions"]
 
@@ -81,7 +81,7 @@ def note_directions(cameras: F64, points: F32, triangles: I32, which: I64, cells
 
 @parallel
 def forget_marks(
-    camera: F64, points: F32, triangles: I32, cells: F32, delta: Slack, marks: U64, word: int, bit: np.uint64
+    camera: F64, points: F32, triangles: I32, cells: F32, delta: Delta, marks: U64, word: int, bit: np.uint64
 ) -> None:
     """Takes a camera's bit from marks [m, words] of triangles that lie nearer, by delta / 2, than a cell [ROWS,
     COLUMNS] in which it sees them says."""
@@ -95,5 +95,5 @@ def forget_marks(
         for row in range(first, last + 1):
             for column in range(left, left + count):
                 farthest = max(farthest, cells[row, column % COLUMNS])
-        if farthest > near + 0.5 * slack_at(delta, near):
+        if farthest > near + 0.5 * delta_at(delta, near):
             marks[i, word] &= ~bit

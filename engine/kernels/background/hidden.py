@@ -9,7 +9,7 @@ import numba
 from ...support.array_types import F32, F64, I32, I64, U8
 from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point
-from ..base.tolerance import Slack, slack_at
+from ..base.tolerance import Delta, delta_at
 from .culling import SAMPLES, SMALL_PX
 from .rays import ROUNDING, is_free
 from .standing import standing_hit
@@ -56,19 +56,19 @@ def _is_small(uv: F32, triangle: I32) -> bool:
 @serial
 def _sees(
     function: int, occluded: int, scene: int, eye: F64, bounds: F64, x: float, y: float, z: float,
-    owners: I64, table: F64, codes: I64, slack: Slack,
+    owners: I64, table: F64, codes: I64, delta: Delta,
 ) -> tuple[bool, int]:  # fmt: skip
-    """Whether nothing that an eye is shown stands before a point by more than the slack, and the rays cast."""
+    """Whether nothing that an eye is shown stands before a point by more than delta, and the rays cast."""
     dx, dy, dz = x - eye[16], y - eye[17], z - eye[18]
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-    free = 1.0 - max(slack_at(slack, distance) / distance, ROUNDING)
+    free = 1.0 - max(delta_at(delta, distance) / distance, ROUNDING)
     if not free > 0.0:
         return True, 0
     if is_free(occluded, scene, eye[16], eye[17], eye[18], dx, dy, dz, free):  # most are
         return True, 1
     u, v, distance = project_point(eye, x, y, z)
     shown, _hu, _hv, _geometry, _primitive, _length, rays = standing_hit(
-        function, scene, eye, bounds, u, v, 0.0, owners, table, codes, slack
+        function, scene, eye, bounds, u, v, 0.0, owners, table, codes, delta
     )
     return not 0.0 < shown < free * distance, rays + 1
 
@@ -76,11 +76,11 @@ def _sees(
 @parallel
 def mark_seen(
     function: int, occluded: int, scene: int, eyes: F64, bounds: F64, points: F32, uv: F32, triangles: I32, invalid: U8,
-    owners: I64, table: F64, codes: I64, slack: Slack, wraps: bool, cells: U8, seen: U8,
+    owners: I64, table: F64, codes: I64, delta: Delta, wraps: bool, cells: U8, seen: U8,
 ) -> int:  # fmt: skip
     """Sets seen [m] to 1 for valid triangles of which an eye (packed all-round cameras [n, 20]) sees a sample point;
     returns the rays cast. Those that touch a cell that is set (see `spread_seen`) are not looked at. owners, table,
-    codes and slack: see `standing_hit`."""
+    codes and delta: see `standing_hit`."""
     rays = 0
     for run in numba.prange((triangles.shape[0] + _RUN - 1) // _RUN):
         last = 0
@@ -98,7 +98,7 @@ def mark_seen(
                     p * points[a, 0] + q * points[b, 0] + r * points[c, 0],
                     p * points[a, 1] + q * points[b, 1] + r * points[c, 1],
                     p * points[a, 2] + q * points[b, 2] + r * points[c, 2],
-                    owners, table, codes, slack,
+                    owners, table, codes, delta,
                 )  # fmt: skip
                 rays += cast
                 if found:

@@ -10,7 +10,7 @@ import numpy as np
 from ...support.array_types import F32, F64, I64, U8, U16
 from ..base.jit import inlined, parallel, serial
 from ..base.project import unproject_point
-from ..base.tolerance import Slack
+from ..base.tolerance import Delta
 from .rays import farthest_hit, load_f32, load_u16, load_u32
 from .standing import standing_hit
 from .uncovered import CELL
@@ -91,7 +91,7 @@ def _hit_uv(surface: I64, primitive: int, hu: float, hv: float) -> tuple[float, 
 @serial
 def _cast(
     function: int, scene: int, camera: F64, bounds: F64, surfaces: I64, near: float, present: F64, codes: I64,
-    slack: Slack, x: int, y: int, hits: F64, k: int,
+    delta: Delta, x: int, y: int, hits: F64, k: int,
 ) -> int:  # fmt: skip
     """What is shown behind a pixel's centre, into hits[k] [7]: disparity (0: nothing), source u and v, source
     camera, geometry, primitive, distance; returns the rays cast."""
@@ -100,7 +100,7 @@ def _cast(
         distance, hu, hv, geometry, primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
     else:
         distance, hu, hv, geometry, primitive, length, rays = standing_hit(
-            function, scene, camera, bounds, u, v, near, surfaces, present, codes, slack
+            function, scene, camera, bounds, u, v, near, surfaces, present, codes, delta
         )
     if not distance > 0.0:
         hits[k, _DISPARITY], hits[k, _SOURCE] = 0.0, -1.0
@@ -184,13 +184,13 @@ def _is_wanted(wanted: U8, pair: int, column: int, before: int) -> bool:
 @parallel
 def render_background(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, largest: int,
-    surfaces: I64, images: I64, near: float, present: F64, seen: I64, slack: Slack, sparse: bool,
+    surfaces: I64, images: I64, near: float, present: F64, seen: I64, delta: Delta, sparse: bool,
     wanted: U8, codes: U16, y: U16, cb: U16, cr: U16,
 ) -> int:  # fmt: skip
     """Fills a view of the background, code 0 where there is none; returns the rays cast.
 
     What is shown is the farthest hit where `present` has no rows, else the nearest that stands: near, present, seen
-    and slack as near, table, codes and slack in `standing_hit`.
+    and delta as near, table, codes and delta in `standing_hit`.
 
     surfaces [geometries, 4]: addresses of triangles and uv, the owner camera, address of points; images [cameras, 8]:
     see the constants above. coding as in `coverage.keep_farther`, `largest` its largest code. With `sparse` rays
@@ -205,7 +205,7 @@ def render_background(
         for column in range(columns):
             if _is_wanted(wanted, pair, column, 1):
                 rays += _cast(
-                    function, scene, camera, bounds, surfaces, near, present, seen, slack,
+                    function, scene, camera, bounds, surfaces, near, present, seen, delta,
                     2 * column, 2 * pair, grid, pair * columns + column,
                 )  # fmt: skip
     for pair in numba.prange(rows):
@@ -226,19 +226,19 @@ def render_background(
                 _mean(hits, 1, grid, own, right)
             elif x + 1 < w:
                 rays += _cast(
-                    function, scene, camera, bounds, surfaces, near, present, seen, slack, x + 1, row, hits, 1
+                    function, scene, camera, bounds, surfaces, near, present, seen, delta, x + 1, row, hits, 1
                 )
             if flat_below:
                 _mean(hits, 2, grid, own, below)
             elif row + 1 < h:
                 rays += _cast(
-                    function, scene, camera, bounds, surfaces, near, present, seen, slack, x, row + 1, hits, 2
+                    function, scene, camera, bounds, surfaces, near, present, seen, delta, x, row + 1, hits, 2
                 )
             if flat_right and flat_below and _on_plane(surfaces, images, camera, grid, own, below + 1, x + 2, row + 2):
                 _mean(hits, 3, grid, own, below + 1)
             elif x + 1 < w and row + 1 < h:
                 rays += _cast(
-                    function, scene, camera, bounds, surfaces, near, present, seen, slack, x + 1, row + 1, hits, 3
+                    function, scene, camera, bounds, surfaces, near, present, seen, delta, x + 1, row + 1, hits, 3
                 )
             for k in range(4):
                 if row + (k >> 1) < h and x + (k & 1) < w:

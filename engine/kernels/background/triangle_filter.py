@@ -8,7 +8,7 @@ import numba
 
 from ...support.array_types import B1, F32, F64, I32, I64, U8, U16, U64
 from ..base.jit import inlined, parallel, serial
-from ..base.tolerance import Slack, slack_at
+from ..base.tolerance import Delta, delta_at
 from .maximum_depth import KEPT, UPDATED
 from .rays import farthest_hit
 
@@ -36,20 +36,20 @@ def _around(flags: U8, y: int, x: int, bits: int) -> int:
 
 @inlined
 def _judge(
-    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, depth: float, delta: Slack
+    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float, depth: float, delta: Delta
 ) -> int:
     """What becomes of a surface seen at (u, v): _CONFIRMED where the PBS has a hole, be it a pixel's; _ACCEPTED, or 0
     where it is not more than delta behind the farthest hit."""
     distance, _u, _v, _geometry, _primitive, length = farthest_hit(function, scene, camera, bounds, u, v)
     if distance < 0.0:
         return _CONFIRMED
-    return _ACCEPTED if depth * length > distance + slack_at(delta, distance) else 0
+    return _ACCEPTED if depth * length > distance + delta_at(delta, distance) else 0
 
 
 @inlined
 def _share_ray(
     function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, flags: U8, y: int, x: int,
-    delta: Slack,
+    delta: Delta,
 ) -> bool:  # fmt: skip
     """Whether 2x2 pixels from (x, y) on are all candidates on one surface that is not farther than the PBS."""
     near = far = codes[y, x]
@@ -59,14 +59,14 @@ def _share_ray(
                 return False
             near, far = max(near, codes[row, column]), min(far, codes[row, column])
     depth = 1.0 / (coding[0] + coding[1] * max(float(far), coding[3]))
-    if depth - 1.0 / (coding[0] + coding[1] * max(float(near), coding[3])) > _FLAT * slack_at(delta, depth):
+    if depth - 1.0 / (coding[0] + coding[1] * max(float(near), coding[3])) > _FLAT * delta_at(delta, depth):
         return False
     return _judge(function, scene, camera, bounds, x + 1.0, y + 1.0, depth, delta) == 0
 
 
 @parallel
 def accept_candidates(
-    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, flags: U8, delta: Slack, blocks: I64,
+    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, flags: U8, delta: Delta, blocks: I64,
     height: int, width: int, counts: I64,
 ) -> None:  # fmt: skip
     """The filter of Fig. 6b: an updated pixel is kept if its point is more than delta behind the farthest hit.
@@ -135,7 +135,7 @@ def accept_candidates(
 
 @inlined
 def _judge_pixel(
-    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, y: int, x: int, delta: Slack
+    function: int, scene: int, camera: F64, bounds: F64, coding: F64, codes: U16, y: int, x: int, delta: Delta
 ) -> int:
     """`_judge` of a pixel: off the outermost ones' centres, where the mesh ends; rays there may just miss it."""
     h, w = codes.shape

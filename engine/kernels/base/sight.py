@@ -5,34 +5,34 @@ from __future__ import annotations
 from ...support.array_types import F64
 from .jit import inlined
 from .project import project_point
-from .tolerance import Slack, slack_at
+from .tolerance import Delta, delta_at
 from .view_table import EDGE, INVALID, OFFSET, STEP, load_texel
 
 __all__ = ["looks_through", "shows"]
 
 
 @inlined
-def _image(row: F64, x: float, y: float, z: float, slack: Slack) -> tuple[int, float, float]:
-    """Index of the first of the four texels round a point's image in a view, its depth, and the slack there in metres;
+def _image(row: F64, x: float, y: float, z: float, delta: Delta) -> tuple[int, float, float]:
+    """Index of the first of the four texels round a point's image in a view, its depth, and delta there in metres;
     -1 where there are none, or where the view is nearer than that."""
     u, v, depth = project_point(row, x, y, z)
-    around = slack_at(slack, depth)
-    if not (depth > around and u >= 0.5 and v >= 0.5 and u <= row[1] - 0.5 and v <= row[2] - 0.5):
-        return -1, depth, around
+    margin = delta_at(delta, depth)
+    if not (depth > margin and u >= 0.5 and v >= 0.5 and u <= row[1] - 0.5 and v <= row[2] - 0.5):
+        return -1, depth, margin
     ix, iy = min(int(u - 0.5), int(row[1]) - 2), min(int(v - 0.5), int(row[2]) - 2)
-    return (iy * int(row[1]) + ix if ix >= 0 and iy >= 0 else -1), depth, around
+    return (iy * int(row[1]) + ix if ix >= 0 and iy >= 0 else -1), depth, margin
 
 
 @inlined
-def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: Slack, texels: int = 4) -> bool:
-    """Whether a view sees farther, by more than the slack, on so many of the four texels round a point's image.
+def looks_through(row: F64, codes: int, x: float, y: float, z: float, delta: Delta, texels: int = 4) -> bool:
+    """Whether a view sees farther, by more than delta, on so many of the four texels round a point's image.
 
     row: of a view table (`kernels.base.view_table`), codes: address of depth codes of its size.
     """
-    at, depth, around = _image(row, x, y, z, slack)
+    at, depth, margin = _image(row, x, y, z, delta)
     if at < 0:
         return False
-    limit = (1.0 / (depth + around) - row[OFFSET]) / row[STEP]
+    limit = (1.0 / (depth + margin) - row[OFFSET]) / row[STEP]
     farther = 0
     for k in range(4):
         code = load_texel(codes, at + (k & 1) + (k >> 1) * int(row[1]))
@@ -41,12 +41,12 @@ def looks_through(row: F64, codes: int, x: float, y: float, z: float, slack: Sla
 
 
 @inlined
-def shows(row: F64, codes: int, x: float, y: float, z: float, slack: Slack) -> bool:
-    """Whether the four texels round a point's image are one surface, which passes within the slack of the point.
+def shows(row: F64, codes: int, x: float, y: float, z: float, delta: Delta) -> bool:
+    """Whether the four texels round a point's image are one surface, which passes within delta of the point.
 
     row and codes as in `looks_through`.
     """
-    at, depth, around = _image(row, x, y, z, slack)
+    at, depth, margin = _image(row, x, y, z, delta)
     if at < 0:
         return False
     lowest, highest = 65535, 0
@@ -55,6 +55,6 @@ def shows(row: F64, codes: int, x: float, y: float, z: float, slack: Slack) -> b
         lowest, highest = min(lowest, code), max(highest, code)
     if highest - lowest > row[EDGE] or (lowest == 0 and row[INVALID] > 0.0):
         return False
-    farthest = (1.0 / (depth + around) - row[OFFSET]) / row[STEP]
-    nearest = (1.0 / (depth - around) - row[OFFSET]) / row[STEP]
+    farthest = (1.0 / (depth + margin) - row[OFFSET]) / row[STEP]
+    nearest = (1.0 / (depth - margin) - row[OFFSET]) / row[STEP]
     return highest >= farthest and lowest <= nearest

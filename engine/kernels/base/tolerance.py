@@ -1,15 +1,19 @@
-"""How far apart two surfaces may be that are taken as one: a length, or an error of disparity where that is more."""
+"""delta, the culling tolerance (sections 3.3.2 and 3.3.3, Fig. 6): surfaces nearer to one another are taken as one.
+
+The paper's is one length. Depth that is coded or estimated as disparity is worse the farther away it is: here delta is
+a length, or an error of disparity where that is more.
+"""
 
 from __future__ import annotations
 
 from .jit import inlined
 
-__all__ = ["Slack", "slack_at"]
+__all__ = ["Delta", "delta_at"]
 
-Slack = tuple[float, float]  # metres anywhere; 1/m, which makes lengths that grow with the square of the distance
+Delta = tuple[float, float]  # metres anywhere; 1/m, which makes lengths that grow with the square of the distance
 
 
 @inlined
-def slack_at(slack: Slack, distance: float) -> float:
-    """The slack at a distance, metres: an error e of 1 / z is one of e z^2 in z."""
-    return max(slack[0], slack[1] * distance * distance)
+def delta_at(delta: Delta, distance: float) -> float:
+    """delta at a distance, metres: an error e of 1 / z is one of e z^2 in z."""
+    return max(delta[0], delta[1] * distance * distance)

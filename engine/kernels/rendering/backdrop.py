@@ -12,12 +12,12 @@ from ..base.jit import inlined, parallel, serial
 from ..base.project import unproject_point
 from ..base.sight import looks_through
 from ..base.simd import LANES, any_of, load
-from ..base.tolerance import Slack, slack_at
+from ..base.tolerance import Delta, delta_at
 from .present import present_depth
 
 __all__ = ["lay_backdrop"]
 
-# Share of its depth by which a live surface must lie behind the backdrop's to be hidden by it, besides the slack:
+# Share of its depth by which a live surface must lie behind the backdrop's to be hidden by it, besides delta:
 # creases of the coarser backdrop mesh bulge a little.
 _NEARER = 0.03
 
@@ -38,15 +38,15 @@ def _present(
 
 
 @inlined
-def _may_show(q: Any, live: Any, slack: Any) -> Any:
-    """Whether a backdrop's disparity q shows, as far as depths alone tell: 1 / q <= (1 - _NEARER) / live less the slack
-    at 1 / q where something was drawn. Of numbers or vectors; slack: of such."""
+def _may_show(q: Any, live: Any, delta: Any) -> Any:
+    """Whether a backdrop's disparity q shows, as far as depths alone tell: 1 / q <= (1 - _NEARER) / live less delta
+    at 1 / q where something was drawn. Of numbers or vectors; delta: of such."""
     most = (1.0 - _NEARER) * q * q
-    return (q > 0.0) & (live * (q + slack[0] * q * q) <= most) & (live * (q + slack[1]) <= most)
+    return (q > 0.0) & (live * (q + delta[0] * q * q) <= most) & (live * (q + delta[1]) <= most)
 
 
 @serial
-def _push_away(row: F32, push: Slack) -> None:
+def _push_away(row: F32, push: Delta) -> None:
     """Moves disparities of a row farther away."""
     metres, disparity = np.float32(push[0]), np.float32(push[1])
     for x in range(row.shape[0]):
@@ -55,9 +55,9 @@ def _push_away(row: F32, push: Slack) -> None:
 
 
 @serial
-def _first_to_ask(backdrop: F32, disparity: F32, slack: Slack, x: int) -> int:
+def _first_to_ask(backdrop: F32, disparity: F32, delta: Delta, x: int) -> int:
     """The first pixel of a row, from x on, of sixteen pixels of which one may show the backdrop."""
-    last, around = disparity.shape[0] - LANES, (np.float32(slack[0]), np.float32(slack[1]))
+    last, around = disparity.shape[0] - LANES, (np.float32(delta[0]), np.float32(delta[1]))
     while x <= last:
         q, live = load(backdrop.ctypes.data, x), load(disparity.ctypes.data, x)
         if any_of(_may_show(q, live, around)):
@@ -68,7 +68,7 @@ def _first_to_ask(backdrop: F32, disparity: F32, slack: Slack, x: int) -> int:
 
 @serial
 def _lay_pixel(
-    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, slack: Slack, number: int,
+    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, delta: Delta, number: int,
     disparity: F32, winner: U8, y: int, x: int,
 ) -> None:  # fmt: skip
     q, live = backdrop[y, x], disparity[y, x]
@@ -76,11 +76,11 @@ def _lay_pixel(
     # What was drawn gives way to nothing that a view's outline leaves in doubt: a view's own picture stays.
     ghost, texels = False, 4 if live <= 0.0 else 1
     for k in range(table.shape[0]):
-        if looks_through(table[k], addresses[k, 0], px, py, pz, slack, texels):
+        if looks_through(table[k], addresses[k, 0], px, py, pz, delta, texels):
             ghost = True
             break
     if len(order) > 0:
-        around = slack_at(slack, 1.0 / q)
+        around = delta_at(delta, 1.0 / q)
         limit = np.inf if ghost and live <= 0.0 else 1.0 / q + around
         depth, view = _present(table, addresses, order, camera, x, y, 1.0 / q, limit)
         if live > 0.0:
@@ -96,7 +96,7 @@ def _lay_pixel(
 
 @parallel
 def lay_backdrop(
-    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, push: Slack, slack: Slack, number: int,
+    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, push: Delta, delta: Delta, number: int,
     disparity: F32, winner: U8,
 ) -> None:  # fmt: skip
     """Move the backdrop away by `push`, and take its disparity, as view `number`, where nothing was drawn or where it
@@ -113,11 +113,11 @@ def lay_backdrop(
     for row in numba.prange(h):
         y = np.int64(row)
         _push_away(backdrop[y], push)
-        x = _first_to_ask(backdrop[y], disparity[y], slack, 0)
+        x = _first_to_ask(backdrop[y], disparity[y], delta, 0)
         while x < w:
             for column in range(x, min(x + LANES, w)):
-                if _may_show(np.float64(backdrop[y, column]), np.float64(disparity[y, column]), slack):
+                if _may_show(np.float64(backdrop[y, column]), np.float64(disparity[y, column]), delta):
                     _lay_pixel(
-                        backdrop, camera, table, addresses, order, slack, number, disparity, winner, y, column
+                        backdrop, camera, table, addresses, order, delta, number, disparity, winner, y, column
                     )
-            x = _first_to_ask(backdrop[y], disparity[y], slack, x + LANES)
+            x = _first_to_ask(backdrop[y], disparity[y], delta, x + LANES)
