@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from ..geometry.mesh import Mesh
 from ..kernels.background.directions import COLUMNS, ROWS, forget_marks, note_directions
+from ..kernels.background.surfaces import Triangles
 from ..kernels.base.tolerance import Delta
 from .pbs import Surface
 
@@ -25,7 +26,7 @@ class ChangedDirections:
 
     def add(self, mesh: Mesh, which: npt.NDArray[np.int64]) -> None:
         """Triangles of a mesh are new, or elsewhere."""
-        note_directions(self._packed, mesh.points, mesh.triangles, which, self._cells)
+        note_directions(self._packed, Triangles(mesh.points, mesh.uv, mesh.triangles), which, self._cells)
 
     def add_all(self) -> None:
         """All geometry may be elsewhere."""
@@ -36,8 +37,5 @@ class ChangedDirections:
         cells, word, bit = self._cells[camera], camera // 64, np.uint64(1 << (camera % 64))
         if cells.any():
             for surface in surfaces:
-                mesh = surface.mesh
-                forget_marks(
-                    self._packed[camera], mesh.points, mesh.triangles, cells, delta, surface.marks, word, bit
-                )  # fmt: skip
+                forget_marks(self._packed[camera], surface.packed, cells, delta, surface.marks, word, bit)
             cells[:] = 0

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..kernels.background import coverage as kernels
 from ..kernels.base.tolerance import Delta
 from ..rig.frame import View
-from .maximum_depth import coding_row
+from ..support.packed import Coding
 
 __all__ = ["Coverage", "choose_views"]
 
@@ -36,15 +36,13 @@ def choose_views(views: Sequence[View], count: int) -> list[int]:
         chosen.append(int(np.argmin(share)))
         view = views[chosen[-1]]
         stride = max(1, math.ceil(max(view.codes.shape) / _SAMPLES))
-        kernels.cover_cells(view.codes, packed[chosen[-1]], coding_row(view.camera), stride, packed, covered)
+        kernels.cover_cells(view.codes, packed[chosen[-1]], view.camera.depth.packed(), stride, packed, covered)
     return chosen
 
 
 class _Taken(NamedTuple):
-    codes: npt.NDArray[np.uint16]
-    packed: npt.NDArray[np.float64]
-    coding: npt.NDArray[np.float64]
-    smooth: npt.NDArray[np.uint8]
+    view: kernels.DepthView
+    coding: Coding
     edge: float  # in codes
 
 
@@ -64,13 +62,14 @@ class Coverage:
 
         `edge`: the disparity step between neighbouring pixels that is a depth edge, 1/m.
         """
-        codes, coding = view.codes, coding_row(view.camera)
+        codes, coding = view.codes, view.camera.depth.packed()
         blocks = [max(1, math.ceil((size - 1) / kernels.BLOCK)) for size in codes.shape]
         smooth = np.empty(blocks, np.uint8)
         kernels.mark_smooth(codes, coding, self._delta, smooth)
-        new = _Taken(codes, view.camera.packed(self._origin), coding, smooth, edge / view.camera.depth.step)
+        depth = kernels.DepthView(codes, view.camera.packed(self._origin), smooth)
+        new = _Taken(depth, coding, edge / coding.step)
         keep = np.ones(codes.shape, np.uint8)
         for old in self._taken:
-            kernels.keep_farther(*new[:4], *old, self._delta, keep)
+            kernels.keep_farther(depth, coding, *old, self._delta, keep)
         self._taken.append(new)
         return keep

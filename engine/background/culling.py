@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..geometry.embree import MarkQuery
-from ..kernels.background.culling import list_unmarked, mark_by_triangle, mark_grid
+from ..kernels.background.culling import list_unmarked, mark_by_pixel, mark_by_triangle
 from ..kernels.base.tolerance import Delta
 from ..support.array_types import F64
 from .pbs import ProbableBackgroundSurface, Surface
@@ -45,11 +45,8 @@ def mark_background(
     word, bit = camera // 64, np.uint64(1 << (camera % 64))
     clear_marks(pbs, camera)
     query = MarkQuery(pbs.marks_table, word, int(bit))
-    rays = mark_grid(
-        pbs.intersect, pbs.scene, query.address, packed, pbs.bounds, stride, delta,
-        pbs.marks_table, word, bit.astype(np.int64),
-    )  # fmt: skip
-    return int(rays)
+    marks = pbs.marks_table
+    return int(mark_by_pixel(pbs.tracer, query.address, packed, stride, delta, marks, word, bit.astype(np.int64)))
 
 
 def clear_marks(pbs: ProbableBackgroundSurface, camera: int) -> None:
@@ -67,17 +64,16 @@ def mark_missed(
 
     Rays go through points of the triangles, and only as far as there could be something behind them: an error-bounded
     mesh has triangles smaller than any stride, and far fewer triangles than pictures have pixels. With one mark each,
-    triangles are looked at again in that camera's next turn, not in every one. `packed` [all cameras, 20]; with
-    `share` the cameras start on other triangles each, which evens out their turns.
+    triangles are looked at again in that camera's next turn, not in every one. `packed`: [all cameras, CAMERA_SIZE];
+    with `share` the cameras start on other triangles each, which evens out their turns.
     """
     order, rays, left = np.array(cameras, np.int64), 0, []
     for surface, missed in _list_unmarked(pbs):
         if len(missed) and len(order):
-            mesh = surface.mesh
+            run = _RUN if share else 0
             rays += mark_by_triangle(
-                pbs.occluded, pbs.scene, packed, order, _RUN if share else 0, pbs.bounds, mesh.points, mesh.uv,
-                mesh.triangles, missed, delta, surface.marks,
-            )  # fmt: skip
+                pbs.tracer, packed, order, run, surface.packed, missed, delta, surface.marks
+            )
             missed = missed[(surface.marks[missed] == 0).all(axis=1)]
         left.append(Unmarked(surface, missed))
     return int(rays), left

@@ -8,32 +8,21 @@ import numpy as np
 import numpy.typing as npt
 
 from ..geometry.mesh import Mesh
-from ..kernels.background.maximum_depth import (
-    KEPT,
-    PHASES,
-    TILE,
-    fuse_maximum_depth,
-    mark_provisional,
-    prepare_limits,
-    settle_points,
-    update_maximum_depth,
-)
+from ..kernels.background.flags import KEPT, mark_provisional
+from ..kernels.background.fusion import fuse_maximum_depth, settle_points
+from ..kernels.background.maximum_depth import PHASES, TILE, update_maximum_depth
+from ..kernels.background.nontrivial import Rules, prepare_limits
+from ..kernels.background.picture import Picture
+from ..kernels.background.surfaces import Triangles
 from ..kernels.base.tone import IDENTITY
-from ..rig.camera import Camera
 from ..rig.depth import DepthCoding
 from ..rig.frame import Texture, View
 from ..rig.texture import toned_texture
 from .tolerances import Tolerances
 
-__all__ = ["BLOCK", "MaximumDepthImage", "coding_row"]
+__all__ = ["BLOCK", "MaximumDepthImage"]
 
 BLOCK = (2 * PHASES, TILE)  # rows and columns of the blocks in which changes are looked for
-
-
-def coding_row(camera: Camera) -> npt.NDArray[np.float64]:  # [4]
-    """A camera's depth coding as kernels take it: offset, step, smallest valid and smallest usable code."""
-    coding = camera.depth
-    return np.array([coding.offset, coding.step, 1.0 if coding.has_invalid else 0.0, coding.min_code])
 
 
 class MaximumDepthImage:
@@ -66,7 +55,7 @@ class MaximumDepthImage:
         coding = self.camera.depth
         margins = tolerances.margin_m, tolerances.margin_disparity(coding)
         edge = min(round(self._edge / coding.step), coding.max_code)
-        self._rules, self._by_code = _comparison(coding, *margins, edge)
+        self._rules = _comparison(coding, *margins, edge)
         mark_provisional(self.codes, self._rules, self.flags)
 
     def update(self, view: View, tone: npt.ArrayLike = IDENTITY, *, whole: bool = True) -> int:
@@ -79,9 +68,8 @@ class MaximumDepthImage:
         self._turn += whole
         before, counts = self._counts[self._number % 2], self._counts[1 - self._number % 2]
         update_maximum_depth(
-            view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self.flags, self.fused, self._by_code, before, counts, self._rules, np.asarray(tone), self._number,
-            self._turn if whole else -1,
+            Picture(view.codes, *_planes(view.texture)), Picture(self.codes, *_planes(self.texture)), self.flags,
+            self.fused, self._rules, np.asarray(tone), before, counts, self._number, self._turn if whole else -1,
         )  # fmt: skip
         self.pending |= counts > 0
         return int(counts.sum())
@@ -91,8 +79,8 @@ class MaximumDepthImage:
         if self.fused.size == 0:
             self.fused = np.ones(self.codes.shape, np.uint8)
         fuse_maximum_depth(
-            view.codes, *_planes(view.texture), self.codes, *_planes(self.texture),
-            self.flags, self.fused, self._by_code, self._rules, np.asarray(tone), self._number,
+            Picture(view.codes, *_planes(view.texture)), Picture(self.codes, *_planes(self.texture)), self.flags,
+            self.fused, self._rules, np.asarray(tone), self._number,
         )  # fmt: skip
 
     @property
@@ -114,25 +102,27 @@ class MaximumDepthImage:
     def settled(self, mesh: Mesh, packed: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:  # [n, 3]
         """Where the points of a mesh that was made of this image lie by now; `packed` is the camera."""
         points = np.empty_like(mesh.points)
-        settle_points(mesh.points, mesh.uv, packed, self._rules, self.codes, self._by_code, points)
+        settle_points(Triangles(mesh.points, mesh.uv, mesh.triangles), packed, self._rules, self.codes, points)
         return points
 
     def table_row(self) -> list[int]:
-        """The image as `kernels.background.pbi` reads it."""
+        """The image as `kernels.background.captures` reads it."""
         addresses = [plane.ctypes.data for plane in (*_planes(self.texture), self.codes)]
-        return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), int(self._rules[5])]
+        return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), self._rules.edge]
 
 
 @lru_cache(maxsize=1)
 def _comparison(
     coding: DepthCoding, margin_m: float, margin_disparity: float, edge: int
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint16]]:  # [9], [65536]
-    """What `kernels.background.maximum_depth` compares by: rules, and every code's limit. A rig's cameras mostly share
-    them."""
-    by_code = np.empty(1 << 16, np.uint16)
-    rules = np.array([coding.offset, coding.step, float(coding.has_invalid), margin_m, margin_disparity, edge, 0, 0, 0])
-    prepare_limits(rules, by_code)
-    return rules, by_code
+) -> Rules:
+    """What a maximum depth image compares by. A rig's cameras mostly share it."""
+    packed = coding.packed()
+    rules = Rules(
+        packed.offset, packed.step, packed.least, margin_m, margin_disparity, edge, 0, 0, 0,
+        np.empty(1 << 16, np.uint16),
+    )  # fmt: skip
+    least, bend, shift = prepare_limits(rules)
+    return rules._replace(least=least, bend=bend, shift=shift)
 
 
 def _planes(texture: Texture) -> tuple[npt.NDArray[np.uint16], ...]:

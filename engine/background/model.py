@@ -16,8 +16,13 @@ from ..geometry.prepared_view import PreparedView, ViewTable
 from ..geometry.scene_scale import Scene
 from ..geometry.triangulation import triangulate
 from ..io.mesh_files import ColouredMesh, srgb_from_ycbcr
-from ..kernels.background.pbi import render_background, sample_colours
-from ..kernels.background.triangle_filter import accept_candidates, clear_culled, inherit_marks, paint_triangles
+from ..kernels.background import triangle_filter
+from ..kernels.background.captures import CAPTURE_SIZE, CB, CODES, CR, Y, sample_colours
+from ..kernels.background.p_pbs import clear_culled, inherit_marks, paint_triangles
+from ..kernels.background.pbi import Tables, render_pbi
+from ..kernels.background.picture import Picture
+from ..kernels.background.standing import FARTHEST, Present
+from ..kernels.background.surfaces import Triangles
 from ..kernels.base.tone import IDENTITY
 from ..rig.camera import Camera
 from ..rig.frame import Frame, Texture, View
@@ -27,7 +32,7 @@ from ..support.stages import Stages, timed
 from .changed_directions import ChangedDirections
 from .coverage import Coverage, choose_views
 from .culling import clear_marks, cull_unmarked, mark_background, mark_missed
-from .maximum_depth import BLOCK, MaximumDepthImage, coding_row
+from .maximum_depth import BLOCK, MaximumDepthImage
 from .pbi import BackgroundImage
 from .pbs import ProbableBackgroundSurface, Surface
 from .tolerances import Tolerances, sampled_disparity, scene_tolerances, with_noise
@@ -75,7 +80,7 @@ class BackgroundModel:
         self._options = [scene.triangulation(camera, settings) for camera in self.cameras]
         self._pbs = ProbableBackgroundSurface(len(self.cameras))
         self._images: list[MaximumDepthImage] = []
-        self._image_table = np.zeros((len(self.cameras), 8), np.int64)
+        self._image_table = np.zeros((len(self.cameras), CAPTURE_SIZE), np.int64)
         self._tolerances = Tolerances(0.0, 0.0)
         self._scratch: dict[tuple[int, ...], npt.NDArray[np.int32]] = {}
         self._cast_version = [-1] * len(self.cameras)  # the PBS' version at each camera's last culling rays
@@ -109,7 +114,7 @@ class BackgroundModel:
         if not self._images:
             return [], np.empty((0, 4), np.int64)
         fixed = [c for c in self._fixed() if frame.views[c].camera.pose == self.cameras[c].pose]
-        return fixed, self._image_table[fixed][:, [3, 0, 1, 2]]
+        return fixed, self._image_table[fixed][:, [CODES, Y, CB, CR]]
 
     def counts(self) -> dict[str, int]:
         """Triangles: s_pbs (all of the S-PBS), s_pbs_valid (those not culled), p_pbs (valid ones)."""
@@ -266,8 +271,7 @@ class BackgroundModel:
         with self._painted(image, before) as numbers:
             with timed(report.stages, "filter"):
                 if before is not None and culled:
-                    mesh = before.mesh
-                    clear_culled(mesh.uv, mesh.triangles, before.invalid, image.camera.wraps, numbers, image.flags)
+                    clear_culled(before.packed, before.invalid, image.camera.wraps, numbers, image.flags)
                 changed = self._filter(c, report)
             if culled or changed.any():
                 with timed(report.stages, "triangulate"):
@@ -291,7 +295,7 @@ class BackgroundModel:
         if before is None:
             yield numbers
             return
-        triangles = before.mesh.uv, before.mesh.triangles, before.invalid.copy(), image.camera.wraps
+        triangles = before.packed, before.invalid.copy(), image.camera.wraps
         paint_triangles(*triangles, False, numbers)
         try:
             yield numbers
@@ -302,19 +306,19 @@ class BackgroundModel:
         """Accepts candidates into the P-PBS; the blocks in which some were, or kept ones have changed."""
         image = self._images[c]
         blocks = np.argwhere(image.pending | image.lone)
-        counts = np.empty((len(blocks), 5), np.int64)
-        accept_candidates(
-            self._pbs.intersect, self._pbs.scene, self._packed[c], self._pbs.bounds, coding_row(image.camera),
-            image.codes, image.flags, self._tolerances.delta, blocks, *BLOCK, counts,
+        counts = np.empty((len(blocks), triangle_filter.COUNTS_SIZE), np.int64)
+        triangle_filter.filter_pixels(
+            self._pbs.tracer, self._packed[c], image.camera.depth.packed(), image.codes, image.flags,
+            self._tolerances.delta, blocks, BLOCK, counts,
         )  # fmt: skip
         image.pending[:] = False
-        image.lone[tuple(blocks.T)] = counts[:, 3] > 0  # waits until there is more beside it
-        candidates, accepted, _changed, _lone, rays = (int(n) for n in counts.sum(axis=0))
-        report.candidates += candidates
-        report.accepted += accepted
-        report.rays += rays
+        image.lone[tuple(blocks.T)] = counts[:, triangle_filter.LONE] > 0  # waits until there is more beside it
+        totals = counts.sum(axis=0)
+        report.candidates += int(totals[triangle_filter.CANDIDATES])
+        report.accepted += int(totals[triangle_filter.ACCEPTED])
+        report.rays += int(totals[triangle_filter.RAYS])
         where = np.zeros(image.pending.shape, bool)
-        where[tuple(blocks.T)] = counts[:, 1:3].any(axis=1)
+        where[tuple(blocks.T)] = counts[:, [triangle_filter.ACCEPTED, triangle_filter.CHANGED]].any(axis=1)
         return where
 
     def _derive(
@@ -327,9 +331,8 @@ class BackgroundModel:
             surface = self._pbs.set_progressive(c, mesh)
         news = np.ones(len(mesh.triangles), bool)
         if before is not None:
-            inherit_marks(
-                mesh.uv, mesh.triangles, numbers, before.marks, surface.marks, changed, *BLOCK, news
-            )  # fmt: skip
+            triangles = Triangles(mesh.points, mesh.uv, mesh.triangles)
+            inherit_marks(triangles, numbers, before.marks, surface.marks, changed, BLOCK, news)
         self._changed.add(mesh, np.flatnonzero(news))
 
     def _cull(self, cameras: Sequence[int], report: UpdateReport, *, share: bool = False) -> None:
@@ -356,7 +359,7 @@ class BackgroundModel:
             present = ViewTable([PreparedView(view, options, self._origin) for view, options in prepared])
             owned = [(self.cameras[c], surface) for c, surface in surfaces.items()]
             hidden, rays = flag_hidden(
-                self._space, self._pbs, owned, present.rows, self._seen(present), self._tolerances.delta
+                self._space, self._pbs, owned, self._present(present, 0.0), self._tolerances.delta
             )
             report.hidden += hidden
             report.rays += rays
@@ -380,23 +383,22 @@ class BackgroundModel:
         chroma = ((h + 1) // 2, (w + 1) // 2)
         texture = Texture(*(np.empty(shape, np.uint16) for shape in ((h, w), chroma, chroma)))
         codes = np.empty((h, w), np.uint16)
-        rays = render_background(
-            self._pbs.intersect, self._pbs.scene, camera.packed(self._origin), self._pbs.bounds,
-            coding_row(camera), camera.depth.max_code, self._pbs.surface_table, self._image_table,
-            near, np.empty((0, 0)) if present is None else present.rows, self._seen(present),
-            self._tolerances.delta, sparse,
-            np.empty((0, 0), np.uint8) if wanted is None else wanted, codes, texture.y, texture.cb, texture.cr,
+        rays = render_pbi(
+            self._pbs.tracer, camera.packed(self._origin), camera.depth.packed(),
+            Tables(self._pbs.surface_table, self._image_table), self._present(present, near), self._tolerances.delta,
+            sparse, np.empty((0, 0), np.uint8) if wanted is None else wanted,
+            Picture(codes, texture.y, texture.cb, texture.cr),
         )  # fmt: skip
         return BackgroundImage(View(camera, texture, codes), int(rays))
 
-    def _seen(self, present: ViewTable | None) -> npt.NDArray[np.int64]:  # [views, 2]
-        """Addresses of the views' codes, and of those that they remember: a camera that has moved, nothing else."""
+    def _present(self, present: ViewTable | None, near: float) -> Present:
+        """Views, and what they remember: a camera that has moved, nothing but what it sees now."""
         if present is None:
-            return np.empty((0, 2), np.int64)
-        seen = np.repeat(present.addresses[:, :1], 2, axis=1)
+            return Present(near, np.empty((0, 0)), np.empty((0, 2), np.int64))
+        codes = np.repeat(present.addresses[:, :1], 2, axis=1)
         for c in self._fixed():
-            seen[c, 1] = self._images[c].codes.ctypes.data
-        return seen
+            codes[c, FARTHEST] = self._images[c].codes.ctypes.data
+        return Present(near, present.rows, codes)
 
     def mesh(self) -> ColouredMesh:
         """The valid triangles with the colours of the maximum depth images; copies, made at any time."""

@@ -10,6 +10,17 @@ import numpy.typing as npt
 
 from ..geometry.embree import Scene, intersect_address, occluded_address
 from ..geometry.mesh import Mesh
+from ..kernels.background.rays import Tracer
+from ..kernels.background.surfaces import (
+    CAMERA,
+    CAPTURE,
+    MARKS_SIZE,
+    POINTS,
+    SURFACE_SIZE,
+    TRIANGLES,
+    UV,
+    Triangles,
+)
 
 __all__ = ["ProbableBackgroundSurface", "Surface"]
 
@@ -29,6 +40,11 @@ class Surface:
     mesh: Mesh
     marks: npt.NDArray[np.uint64]
     invalid: npt.NDArray[np.uint8]
+
+    @property
+    def packed(self) -> Triangles:
+        """The mesh as kernels take it."""
+        return Triangles(self.mesh.points, self.mesh.uv, self.mesh.triangles)
 
     @property
     def valid_count(self) -> int:
@@ -57,16 +73,10 @@ class ProbableBackgroundSurface:
         self.progressive: dict[int, Surface] = {}
         self._camera_count = camera_count
         self._scene = Scene()
-        # Tables that kernels read: addresses of marks and their stride; of triangles and uv, the camera, of points.
-        self.marks_table = np.zeros((2 * camera_count, 2), np.int64)
-        self.surface_table = np.zeros((2 * camera_count, 4), np.int64)
-        self.intersect, self.occluded = intersect_address(), occluded_address()
-        self.bounds = np.zeros((2, 3))
-
-    @property
-    def scene(self) -> int:
-        """The ray tracing scene, as kernels take it."""
-        return self._scene.address
+        # Tables that kernels read (`kernels.background.surfaces`).
+        self.marks_table = np.zeros((2 * camera_count, MARKS_SIZE), np.int64)
+        self.surface_table = np.zeros((2 * camera_count, SURFACE_SIZE), np.int64)
+        self.tracer = Tracer(intersect_address(), occluded_address(), self._scene.address, np.zeros((2, 3)))
 
     def set_static(self, camera: int, mesh: Mesh) -> None:
         """A camera's part of the S-PBS, without marks."""
@@ -101,7 +111,7 @@ class ProbableBackgroundSurface:
         bounds = self._scene.bounds()
         # Rays start on the bounds: a little room keeps them from starting on, or behind, a surface.
         room = 1e-3 * max(float(np.max(bounds[1] - bounds[0])), 1e-3)
-        self.bounds = bounds + np.array([[-room], [room]])
+        self.tracer = self.tracer._replace(bounds=bounds + np.array([[-room], [room]]))
 
     def surfaces(self) -> Iterator[Surface]:
         """All surfaces of the S-PBS, then of the P-PBS."""
@@ -116,8 +126,9 @@ class ProbableBackgroundSurface:
         surface = Surface(mesh, np.zeros((count, self.words), np.uint64), np.zeros(count, np.uint8))
         self._scene.set(geometry, mesh.points, mesh.triangles, surface.invalid)
         self.marks_table[geometry] = surface.marks.ctypes.data, 8 * self.words
-        self.surface_table[geometry] = (
-            mesh.triangles.ctypes.data, mesh.uv.ctypes.data, camera, mesh.points.ctypes.data
-        )  # fmt: skip
+        addresses = {UV: mesh.uv, TRIANGLES: mesh.triangles, POINTS: mesh.points}
+        for column, array in addresses.items():
+            self.surface_table[geometry, column] = array.ctypes.data
+        self.surface_table[geometry, [CAMERA, CAPTURE]] = camera
         self.version += 1
         return surface

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ..geometry.mesh import Mesh
 from ..kernels.background.hidden import CELL, flag_unseen, mark_seen, spread_seen
+from ..kernels.background.standing import Present
 from ..kernels.base.tolerance import Delta
 from ..rig.camera import Camera, Equirectangular, Pose
 from ..rig.depth import DepthCoding
@@ -68,12 +69,12 @@ class ViewingSpace:
 
 def flag_hidden(
     space: ViewingSpace, pbs: ProbableBackgroundSurface, surfaces: Sequence[tuple[Camera, Surface]],
-    table: F64, codes: npt.NDArray[np.int64], delta: Delta,
+    present: Present, delta: Delta,
 ) -> tuple[int, int]:  # fmt: skip
     """Flags triangles of surfaces (each with the camera that it stems from) as invalid that other background hides
     from all of the space; returns how many, and the rays cast.
 
-    A triangle stays where one of the space's eyes is shown (`kernels.background.standing`, with its table, codes and
+    A triangle stays where one of the space's eyes is shown (`kernels.background.standing`, with its present and
     delta) one of some points of it, or what lies less than delta before it; and so does what lies within CELL to 2
     CELL pixels of it in its picture. This is a sampled answer. Wrongly lost may be what heads between the eyes see
     through a gap narrower than that, farther from the gap's sides than those pixels; and what is hidden now by
@@ -82,15 +83,15 @@ def flag_hidden(
     """
     eyes, rays, hidden, found = space.eyes(), 0, 0, []
     for camera, surface in surfaces:
-        mesh, seen = surface.mesh, np.zeros(len(surface.invalid), np.uint8)
+        seen = np.zeros(len(surface.invalid), np.uint8)
         wraps = camera.wraps
         cells = np.zeros((math.ceil(camera.height / CELL), math.ceil(camera.width / CELL)), np.uint8)
         for some in (eyes[::_FEW], eyes):  # few see most, and what is beside need not be asked for
             rays += mark_seen(
-                pbs.intersect, pbs.occluded, pbs.scene, some, pbs.bounds, mesh.points, mesh.uv, mesh.triangles,
-                surface.invalid, pbs.surface_table, table, codes, delta, wraps, cells, seen,
+                pbs.tracer, some, surface.packed, surface.invalid, pbs.surface_table, present, delta, wraps, cells,
+                seen,
             )  # fmt: skip
-            spread_seen(mesh.uv, mesh.triangles, seen, wraps, cells)
+            spread_seen(surface.mesh.uv, surface.mesh.triangles, seen, wraps, cells)
         found.append((surface, wraps, cells))
     for surface, wraps, cells in found:  # only now: what is hidden still hides
         hidden += flag_unseen(surface.mesh.uv, surface.mesh.triangles, wraps, cells, surface.invalid)

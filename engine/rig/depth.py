@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ..support.packed import Coding
+
 __all__ = ["DepthCoding"]
 
 
@@ -49,6 +51,10 @@ class DepthCoding:
     def min_code(self) -> int:
         """The smallest code that stands for a finite depth."""
         return 1 if self.has_invalid or math.isinf(self.far) else 0
+
+    def packed(self) -> Coding:
+        """The coding as kernels take it."""
+        return Coding(self.offset, self.step, 1 if self.has_invalid else 0, self.min_code, self.max_code)
 
     def disparity(self, codes: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
         """Codes -> disparity in 1/m; nan where a code says "no depth"."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from farside.engine.background.coverage import Coverage, choose_views
 from farside.engine.background.culling import cull_unmarked, mark_background, mark_missed
-from farside.engine.background.maximum_depth import coding_row
 from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbs import ProbableBackgroundSurface
 from farside.engine.background.tolerances import sampled_disparity, scene_tolerances, with_noise
@@ -16,7 +15,8 @@ from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.kernels.background.coverage import BLOCK, mark_smooth
 from farside.engine.kernels.background.culling import OFFSETS, SAMPLES, SMALL_PX
-from farside.engine.kernels.background.triangle_filter import paint_triangles
+from farside.engine.kernels.background.p_pbs import paint_triangles
+from farside.engine.kernels.background.surfaces import Triangles
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.frame import Frame, View
 from farside.engine.settings import Settings
@@ -89,7 +89,7 @@ def test_blocks_are_smooth_whose_depths_lie_between_their_corners(size):
     rough = rng.random(codes.shape) < 0.01
     codes[rough] += rng.integers(-9000, 200, rough.sum()).astype(np.uint16)
     smooth = np.empty((max(1, -(-(h - 1) // BLOCK)), max(1, -(-(w - 1) // BLOCK))), np.uint8)
-    mark_smooth(codes, coding_row(camera), (0.08, 0.0), smooth)
+    mark_smooth(codes, camera.depth.packed(), (0.08, 0.0), smooth)
     depth, step = camera.depth.depth(codes), camera.depth.step
     for row, column in np.ndindex(*smooth.shape):
         block = np.s_[BLOCK * row : BLOCK * row + BLOCK + 1, BLOCK * column : BLOCK * column + BLOCK + 1]
@@ -591,12 +591,13 @@ def test_a_pixel_that_several_triangles_touch_is_the_last_ones_every_time():
     corner = (np.arange(32)[:, None] * 33 + np.arange(32)).reshape(-1, 1)
     half = np.concatenate([corner + np.array([0, 33, 1]), corner + np.array([1, 33, 34])]).astype(np.int32)
     triangles = np.tile(half, (40, 1))  # corners lie on pixels' centres: each touches its neighbours' pixels
+    mesh = Triangles(np.zeros((33 * 33, 3), np.float32), grid, triangles)
     numbers, invalid = np.full((33, 33), -1, np.int32), np.zeros(len(triangles), np.uint8)
     for _ in range(5):
-        paint_triangles(grid, triangles, invalid, False, False, numbers)
+        paint_triangles(mesh, invalid, False, False, numbers)
         expected = np.full(33 * 33, -1)
         for k in range(3):
             np.maximum.at(expected, triangles[:, k], np.arange(len(triangles)))
         np.testing.assert_array_equal(numbers, expected.reshape(33, 33))
-    paint_triangles(grid, triangles, invalid, False, True, numbers)
+    paint_triangles(mesh, invalid, False, True, numbers)
     assert (numbers == -1).all()

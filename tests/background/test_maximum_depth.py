@@ -7,16 +7,10 @@ import pytest
 from farside.engine.background.maximum_depth import MaximumDepthImage
 from farside.engine.background.tolerances import Tolerances
 from farside.engine.geometry.triangulation import TriangulationOptions, triangulate
-from farside.engine.kernels.background.maximum_depth import (
-    COLOUR_FRAMES,
-    DEPTH_FRAMES,
-    KEPT,
-    PHASES,
-    PROVISIONAL,
-    TILE,
-    UPDATED,
-    farther_than,
-)
+from farside.engine.kernels.background.flags import KEPT, PROVISIONAL, UPDATED
+from farside.engine.kernels.background.fusion import COLOUR_FRAMES, DEPTH_FRAMES
+from farside.engine.kernels.background.maximum_depth import PHASES, TILE
+from farside.engine.kernels.background.nontrivial import farther_than
 from farside.engine.rig.camera import Camera, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import View

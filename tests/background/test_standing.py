@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from farside.engine.background.model import BackgroundModel
 from farside.engine.geometry.embree import Scene as RayScene
-from farside.engine.geometry.embree import intersect_address
+from farside.engine.geometry.embree import intersect_address, occluded_address
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.geometry.triangulation import TriangulationOptions
-from farside.engine.kernels.background.standing import standing_hit
+from farside.engine.kernels.background.rays import Tracer
+from farside.engine.kernels.background.standing import Present, standing_hit
+from farside.engine.kernels.background.surfaces import CAMERA, SURFACE_SIZE
 from farside.engine.kernels.base.sight import looks_through, shows
 from farside.engine.kernels.base.view_table import EDGE
 from farside.engine.pipeline.engine import Engine
@@ -36,10 +38,10 @@ def prepared(camera, codes, luma=500):
 
 
 @numba.njit
-def _hits(function, scene, camera, bounds, uv, near, owners, table, codes, delta, result):
+def _hits(tracer, camera, uv, surfaces, present, delta, result):
     for i in range(len(uv)):
         distance, _u, _v, geometry, primitive, _length, rays = standing_hit(
-            function, scene, camera, bounds, uv[i, 0], uv[i, 1], near, owners, table, codes, delta
+            tracer, camera, uv[i, 0], uv[i, 1], surfaces, present, delta
         )
         result[i, 0], result[i, 1], result[i, 2], result[i, 3] = distance, geometry, primitive, rays
 
@@ -78,12 +80,11 @@ def test_the_shown_surface_is_that_of_the_slow_choice(projection, near, seed):
     scene.commit()
     table = ViewTable([prepared(view, present) for view, present, _memory in views])
     codes = np.array([[present.ctypes.data, memory.ctypes.data] for _view, present, memory in views])
-    owners, result = np.zeros((len(meshes), 4), np.int64), np.empty((len(uv), 4))
-    owners[:, 2] = [owner for _points, _triangles, owner in meshes]
+    surfaces, result = np.zeros((len(meshes), SURFACE_SIZE), np.int64), np.empty((len(uv), 4))
+    surfaces[:, CAMERA] = [owner for _points, _triangles, owner in meshes]
     bounds = scene.bounds() + np.array([[-0.01], [0.01]])
-    _hits(
-        intersect_address(), scene.address, camera.packed(), bounds, uv, near, owners, table.rows, codes, DELTA, result
-    )
+    tracer = Tracer(intersect_address(), occluded_address(), scene.address, bounds)
+    _hits(tracer, camera.packed(), uv, surfaces, Present(near, table.rows, codes), DELTA, result)
     asked = [
         (view, row[EDGE], present, memory) for (view, present, memory), row in zip(views, table.rows, strict=True)
     ]

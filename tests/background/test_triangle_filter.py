@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from farside.engine.background.maximum_depth import coding_row
 from farside.engine.background.pbs import ProbableBackgroundSurface
 from farside.engine.geometry.mesh import Mesh
-from farside.engine.kernels.background.maximum_depth import KEPT, PROVISIONAL, UPDATED
-from farside.engine.kernels.background.triangle_filter import accept_candidates
+from farside.engine.kernels.background.flags import KEPT, PROVISIONAL, UPDATED
+from farside.engine.kernels.background.triangle_filter import (
+    ACCEPTED,
+    CANDIDATES,
+    CHANGED,
+    COUNTS_SIZE,
+    LONE,
+    RAYS,
+    filter_pixels,
+)
 from farside.engine.rig.camera import Camera, Perspective, Pose
 from oracle.rays import farthest
 from support.rooms import CODING
@@ -62,15 +69,15 @@ def test_candidates_are_accepted_as_by_the_slow_twin_with_fewer_rays(size, share
     expected, lone = slow_filter(camera, mesh, CODING.depth(codes), updated, kept)
     candidates, changed, before = np.count_nonzero(updated), np.count_nonzero(updated & kept), np.count_nonzero(kept)
     blocks = np.argwhere(np.ones((-(-size[1] // 8), -(-size[0] // 16))))
-    counts = np.empty((len(blocks), 5), np.int64)
-    accept_candidates(
-        pbs.intersect, pbs.scene, camera.packed(), pbs.bounds, coding_row(camera), codes, flags, (DELTA, 0.0), blocks,
-        8, 16, counts,
-    )  # fmt: skip
+    counts = np.empty((len(blocks), COUNTS_SIZE), np.int64)
+    filter_pixels(
+        pbs.tracer, camera.packed(), camera.depth.packed(), codes, flags, (DELTA, 0.0), blocks, (8, 16), counts
+    )
     np.testing.assert_array_equal(flags, np.where(expected, KEPT, 0) | np.where(lone, UPDATED, 0) | others)
-    rays = counts[:, 4].sum()
+    totals = counts.sum(axis=0)
     accepted = np.count_nonzero(expected) - before
-    assert counts.sum(axis=0)[:4].tolist() == [candidates, accepted, changed, np.count_nonzero(lone)]
+    expected = {CANDIDATES: candidates, ACCEPTED: accepted, CHANGED: changed, LONE: np.count_nonzero(lone)}
+    assert {column: totals[column] for column in expected} == expected
     assert lone.any()
     assert accepted > 66 * share
-    assert rays < (0.6 if share == 1 else 0.9) * candidates
+    assert totals[RAYS] < (0.6 if share == 1 else 0.9) * candidates

@@ -49,7 +49,7 @@ def headset(rate: float, out: Path | None = None, **hello: str) -> Headset:
 
 
 async def compiled(url: str) -> None:
-    """Wait until a scout has seen the video go on: with no kernels at hand that takes minutes, which are not watched."""
+    """Wait until a scout has seen the video go on: with no kernels at hand that takes minutes."""
     scout = headset(5.0)
     scout.seconds = HANG_S
     watching = asyncio.create_task(scout.run(url))

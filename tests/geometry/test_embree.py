@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 from farside.engine.geometry.embree import EmbreeError, MarkQuery, Scene, intersect_address, occluded_address
-from farside.engine.kernels.background.rays import BESIDE_PX, INVALID_ID, farthest_hit, intersect1, is_free
+from farside.engine.kernels.background.rays import BESIDE_PX, INVALID_ID, Tracer, farthest_hit, intersect1, is_free
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.support import runtime
@@ -14,11 +14,9 @@ CODING = DepthCoding(0.1, 100.0)
 
 
 @numba.njit(parallel=True, nogil=True)
-def farthest_hits(function, scene, camera, bounds, uv, result):
+def farthest_hits(tracer, camera, uv, result):
     for i in numba.prange(len(uv)):
-        distance, _u, _v, geometry, primitive, _length = farthest_hit(
-            function, scene, camera, bounds, uv[i, 0], uv[i, 1]
-        )
+        distance, _u, _v, geometry, primitive, _length = farthest_hit(tracer, camera, uv[i, 0], uv[i, 1])
         result[i, 0], result[i, 1], result[i, 2] = distance, geometry, primitive
 
 
@@ -31,10 +29,10 @@ def first_hit(function, scene, query, origin, direction):
 
 
 @numba.njit
-def free_rays(occluded, scene, origins, directions, far, result):
+def free_rays(tracer, origins, directions, far, result):
     for i in range(len(origins)):
         (ox, oy, oz), (dx, dy, dz) = origins[i], directions[i]
-        result[i] = is_free(occluded, scene, ox, oy, oz, dx, dy, dz, far)
+        result[i] = is_free(tracer, ox, oy, oz, dx, dy, dz, far)
 
 
 def height_field(n, depth, seed=0):
@@ -57,10 +55,14 @@ def scene_of(*meshes):
     return scene, flags
 
 
+def tracer_of(scene, bounds):
+    return Tracer(intersect_address(), occluded_address(), scene.address, bounds)
+
+
 def cast(scene, camera, uv):
     result = np.empty((len(uv), 3))
     bounds = scene.bounds() + np.array([[-0.01], [0.01]])
-    farthest_hits(intersect_address(), scene.address, camera.packed(), bounds, np.asarray(uv, float), result)
+    farthest_hits(tracer_of(scene, bounds), camera.packed(), np.asarray(uv, float), result)
     return result
 
 
@@ -175,7 +177,7 @@ def test_a_ray_is_free_up_to_what_is_there():
     nearest = np.nan_to_num(hits, nan=np.inf).min(axis=1)
     for far in (2.0, 3.2, 5.0):
         result = np.empty(200, bool)
-        free_rays(occluded_address(), scene.address, origins, directions, far, result)
+        free_rays(tracer_of(scene, scene.bounds()), origins, directions, far, result)
         np.testing.assert_array_equal(result, nearest > far)
     assert 0 < result.sum() < 200
 

@@ -123,7 +123,7 @@ def test_farthest_hits_are_the_slow_twins(projection, orientation, seed, scale, 
     pbs.set_static(0, mesh)
     pbs.commit()
     found = np.empty((camera.height, camera.width))
-    farthest_distances(pbs.intersect, pbs.scene, camera.packed(), pbs.bounds, found)
+    farthest_distances(pbs.tracer, camera.packed(), found)
     extent = float(np.ptp(pbs.bounds, axis=0).max())
     for y, x in np.ndindex(found.shape):
         start, along = pixel_ray(camera, x + 0.5, y + 0.5)

@@ -101,7 +101,7 @@ def _leaks(rays: int, scale: float, offset: float) -> list[Measured]:
     ]
     pbs = _surface_of(mesh)
     missed = count_leaks(
-        pbs.intersect, pbs.scene, pbs.bounds, mesh.points, mesh.triangles, np.array(cameras), 7, rays
+        pbs.tracer, mesh.points, mesh.triangles, np.array(cameras), 7, rays
     )  # fmt: skip
     return [Measured(sum(missed), 0.0, "rays")]
 
@@ -138,7 +138,7 @@ def _farthest(kind: int) -> list[Measured]:
     camera = Camera("eye", Perspective.from_fov(192, 144, 2.2), turned((0.3, -0.7, 0.2), 33, 21, 12), CODING)
     pbs = _surface_of(_walls(kind))
     found = np.empty((camera.height, camera.width))
-    farthest_distances(pbs.intersect, pbs.scene, camera.packed(), pbs.bounds, found)
+    farthest_distances(pbs.tracer, camera.packed(), found)
     v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     rays = camera.unproject(np.stack([u, v], axis=-1), np.ones_like(u)) - camera.pose.position
     length = np.linalg.norm(rays, axis=-1)

@@ -1,37 +1,48 @@
 """Which pixels of a view show something farther than an earlier view does (section 3.3.2).
 
-Pictures are cut into blocks. What an earlier view says of a block's corners holds for all of it where both pictures
+DepthViews are cut into blocks. What an earlier view says of a block's corners holds for all of it where both pictures
 show smooth surfaces there; only the other blocks, a few in a hundred, are looked at pixel by pixel.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from ...support.array_types import F32, F64, I64, U8, U16
+from ...support.packed import HEIGHT, WIDTH, WRAPS, Coding
 from ..base.jit import inlined, parallel, serial
 from ..base.project import project_pixels, project_point, unproject_point
 from ..base.tolerance import Delta, delta_at
 
-__all__ = ["BLOCK", "cover_cells", "keep_farther", "mark_smooth"]
+__all__ = ["BLOCK", "DepthView", "cover_cells", "keep_farther", "mark_smooth"]
 
 BLOCK = 8  # pixels; blocks share their corners, which are pixels of every eighth row and column, and of the last
 _REACH = 4  # blocks of an earlier picture, each way, that the image of a block may lie in
 _SMOOTH = 0.25  # share of delta by which a smooth block's depths may be off those between its corners
 # Outside a picture, by side.
 _LEFT, _RIGHT, _ABOVE, _BELOW, _UNKNOWN = 1, 2, 4, 8, 16
+_UNCLEAR, _KEPT, _CLEARED = range(3)  # what becomes of a block
+
+
+class DepthView(NamedTuple):
+    """A reference view's depth, as this module takes it."""
+
+    codes: U16  # [h, w]
+    camera: F64  # packed
+    smooth: U8  # [ceil((h - 1) / BLOCK), ceil((w - 1) / BLOCK)], as `mark_smooth` says
 
 
 @inlined
-def _disparity(code: float, coding: F64) -> float:
-    return coding[0] + coding[1] * max(float(code), coding[3])
+def _disparity(code: float, coding: Coding) -> float:
+    return coding.offset + coding.step * max(float(code), float(coding.min_code))
 
 
 @inlined
-def _depth(code: float, coding: F64) -> float:
+def _depth(code: float, coding: Coding) -> float:
     return 1.0 / _disparity(code, coding)
 
 
@@ -55,10 +66,10 @@ def _keep_worst(line: U16, upper: F32, lower: F32, share: float, worst: F32) -> 
 
 
 @parallel
-def mark_smooth(codes: U16, coding: F64, delta: Delta, smooth: U8) -> None:
+def mark_smooth(codes: U16, coding: Coding, delta: Delta, smooth: U8) -> None:
     """Sets smooth [ceil((h - 1) / BLOCK), ceil((w - 1) / BLOCK)] to 1 where a block's depths follow from its corners'.
 
-    Bilinearly, within a share of delta, and all are valid; else 0. coding as in `keep_farther`.
+    Bilinearly, within a share of delta, and all are valid; else 0.
     """
     h, w = codes.shape
     for row in numba.prange(smooth.shape[0]):
@@ -75,15 +86,15 @@ def mark_smooth(codes: U16, coding: F64, delta: Delta, smooth: U8) -> None:
             left, right = BLOCK * column, min(BLOCK * (column + 1), w - 1)
             lowest = min(min(upper[left], upper[right]), min(lower[left], lower[right]))
             depth = _depth(lowest, coding)
-            limit = _SMOOTH * delta_at(delta, depth) / (depth * depth * coding[1])
+            limit = _SMOOTH * delta_at(delta, depth) / (depth * depth * coding.step)
             largest = np.float32(0.0)
             for x in range(left, right + 1):
                 largest = max(largest, worst[x])
-            smooth[row, column] = lowest >= coding[2] and largest <= limit
+            smooth[row, column] = lowest >= coding.least and largest <= limit
 
 
 @inlined
-def _farther(codes: U16, coding: F64, wraps: bool, edge: float, u: float, v: float, limit: float) -> float:
+def _farther(codes: U16, coding: Coding, wraps: bool, edge: float, u: float, v: float, limit: float) -> float:
     """By how many metres a view's surface at (u, v) is farther than `limit`: of the four pixels around it the mean
     where they are one surface, else the nearest. -inf where there are not four with a depth."""
     h, w = codes.shape
@@ -100,32 +111,33 @@ def _farther(codes: U16, coding: F64, wraps: bool, edge: float, u: float, v: flo
     fx, fy = u - 0.5 - x0, v - 0.5 - y0
     upper, lower = a + fx * (b - a), c + fx * (d - c)
     seen = _depth(highest if highest - lowest > edge else upper + fy * (lower - upper), coding)
-    return seen - limit if inside and lowest >= coding[2] else -math.inf
+    return seen - limit if inside and lowest >= coding.least else -math.inf
 
 
 @serial
 def _look_at_corners(
-    codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
-    edge: float, delta: Delta, row: int, pixels: F64, images: F64, outside: I64,
+    view: DepthView, coding: Coding, earlier: DepthView, earlier_coding: Coding, edge: float, delta: Delta, row: int,
+    pixels: F64, images: F64, outside: I64,
 ) -> None:  # fmt: skip
     """A row of blocks' corners in an earlier view: images [3, columns + 1] u, v and by how much it sees farther than
     has to be, in units of delta; `outside`: on which sides they are outside its picture, or unknown. pixels: room as
     large as images."""
+    codes, camera = view.codes, earlier.camera
     h, w = codes.shape
     y = min(BLOCK * row, h - 1)
     count = images.shape[1]
     for i in range(count):
         x = min(BLOCK * i, w - 1)
         pixels[0, i], pixels[1, i], pixels[2, i] = x + 0.5, y + 0.5, _disparity(codes[y, x], coding)
-    project_pixels(camera, earlier_camera, pixels, images, count)
+    project_pixels(view.camera, camera, pixels, images, count)
     for i in range(count):
         u, v, there = images[0, i], images[1, i], images[2, i]
-        side = (u < 0.0) * _LEFT + (u >= earlier_camera[1]) * _RIGHT
-        side += (v < 0.0) * _ABOVE + (v >= earlier_camera[2]) * _BELOW
+        side = (u < 0.0) * _LEFT + (u >= camera[WIDTH]) * _RIGHT
+        side += (v < 0.0) * _ABOVE + (v >= camera[HEIGHT]) * _BELOW
         outside[i] = side if there > 0.0 else _UNKNOWN
         allowed = delta_at(delta, there)
         images[2, i] = _farther(
-            earlier_codes, earlier_coding, earlier_camera[19] != 0.0, edge, u, v, there - allowed
+            earlier.codes, earlier_coding, camera[WRAPS] != 0.0, edge, u, v, there - allowed
         ) / allowed if outside[i] == 0 else 0.0  # fmt: skip
 
 
@@ -157,41 +169,57 @@ def _clear(keep: U8, top: int, bottom: int, left: int, right: int) -> None:
 
 @serial
 def _look_at_pixels(
-    codes: U16, camera: F64, coding: F64, earlier_codes: U16, earlier_camera: F64, earlier_coding: F64,
-    edge: float, delta: Delta, top: int, bottom: int, left: int, right: int, pixels: F64, images: F64, keep: U8,
+    view: DepthView, coding: Coding, earlier: DepthView, earlier_coding: Coding, edge: float, delta: Delta,
+    box: tuple[int, int, int, int], room: F64, keep: U8,
 ) -> int:  # fmt: skip
-    """What `keep_farther` does, of a block; returns the number of pixels that were not cleared before."""
-    count = 0
+    """What `keep_farther` does, of a block (first and last row and column, the last not included); returns the number
+    of pixels that were not cleared before. room: [2, 3, pixels of a block]."""
+    codes, camera = view.codes, earlier.camera
+    top, bottom, left, right = box
+    pixels, images, count = room[0], room[1], 0
     for y in range(top, bottom):
         for x in range(left, right):
-            if keep[y, x] != 0 and codes[y, x] >= coding[2]:
+            if keep[y, x] != 0 and codes[y, x] >= coding.least:
                 pixels[0, count], pixels[1, count] = x + 0.5, y + 0.5
                 pixels[2, count] = _disparity(codes[y, x], coding)
                 count += 1
-    project_pixels(camera, earlier_camera, pixels, images, count)
+    project_pixels(view.camera, camera, pixels, images, count)
     for i in range(count):
         u, v, there = images[0, i], images[1, i], images[2, i]
-        if there > 0.0 and u >= 0.0 and v >= 0.0 and u < earlier_camera[1] and v < earlier_camera[2]:
-            wraps, limit = earlier_camera[19] != 0.0, there - delta_at(delta, there)
-            if _farther(earlier_codes, earlier_coding, wraps, edge, u, v, limit) >= 0.0:
+        if there > 0.0 and u >= 0.0 and v >= 0.0 and u < camera[WIDTH] and v < camera[HEIGHT]:
+            wraps, limit = camera[WRAPS] != 0.0, there - delta_at(delta, there)
+            if _farther(earlier.codes, earlier_coding, wraps, edge, u, v, limit) >= 0.0:
                 keep[int(pixels[1, i]), int(pixels[0, i])] = 0
     return count
 
 
+@inlined
+def _whole_block(smooth: U8, above: F64, below: F64, out_above: I64, out_below: I64, column: int) -> int:
+    """What its corners say of all of a smooth block: it is _KEPT, as it lies outside an earlier picture or behind what
+    that shows, or _CLEARED, or they tell nothing (_UNCLEAR)."""
+    a, b, c, d = out_above[column], out_above[column + 1], out_below[column], out_below[column + 1]
+    if a & b & c & d:
+        return _KEPT
+    low = min(min(above[2, column], above[2, column + 1]), min(below[2, column], below[2, column + 1]))
+    high = max(max(above[2, column], above[2, column + 1]), max(below[2, column], below[2, column + 1]))
+    margin = 2.0 * _SMOOTH
+    if (a | b | c | d) != 0 or not (low > margin or high < -margin):
+        return _UNCLEAR
+    if not _smooth_around(smooth, above, below, column):
+        return _UNCLEAR
+    return _CLEARED if low > margin else _KEPT
+
+
 @parallel
 def keep_farther(
-    codes: U16, camera: F64, coding: F64, smooth: U8,
-    earlier_codes: U16, earlier_camera: F64, earlier_coding: F64, earlier_smooth: U8,
-    edge: float, delta: Delta, keep: U8,
-) -> int:  # fmt: skip
+    view: DepthView, coding: Coding, earlier: DepthView, earlier_coding: Coding, edge: float, delta: Delta, keep: U8
+) -> int:
     """Clears keep [h, w] where an earlier view sees the pixel's point, or something about as far or farther.
 
-    A coding is [offset, step, smallest valid code, smallest usable code]; cameras are packed; smooth as
-    `mark_smooth` says, of both views; `edge`: a depth edge's step in codes of the earlier view. Returns how many pixels
-    were looked at one by one.
+    `edge`: a depth edge's step in codes of the earlier view. Returns how many pixels were looked at one by one.
     """
-    h, w = codes.shape
-    rows, columns = smooth.shape
+    h, w = keep.shape
+    rows, columns = view.smooth.shape
     single = 0
     for row in numba.prange(rows):
         above, below = np.empty((3, columns + 1)), np.empty((3, columns + 1))
@@ -199,37 +227,25 @@ def keep_farther(
         out_above, out_below = np.empty(columns + 1, np.int64), np.empty(columns + 1, np.int64)
         for k in range(2):
             _look_at_corners(
-                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, delta,
-                row + k, room, below if k else above, out_below if k else out_above,
+                view, coding, earlier, earlier_coding, edge, delta, row + k, room, below if k else above,
+                out_below if k else out_above,
             )  # fmt: skip
         # The last row and column of blocks hold the last pixels; the others' belong to their neighbours.
         bottom = h if row + 1 == rows else BLOCK * (row + 1)
         for column in range(columns):
-            left, right = BLOCK * column, w if column + 1 == columns else BLOCK * (column + 1)
-            if smooth[row, column]:
-                out = out_above[column], out_above[column + 1], out_below[column], out_below[column + 1]
-                if out[0] & out[1] & out[2] & out[3]:
-                    continue
-                low = min(min(above[2, column], above[2, column + 1]), min(below[2, column], below[2, column + 1]))
-                high = max(max(above[2, column], above[2, column + 1]), max(below[2, column], below[2, column + 1]))
-                margin = 2.0 * _SMOOTH
-                if (
-                    (out[0] | out[1] | out[2] | out[3]) == 0
-                    and (low > margin or high < -margin)
-                    and _smooth_around(earlier_smooth, above, below, column)
-                ):
-                    if low > margin:
-                        _clear(keep, BLOCK * row, bottom, left, right)
-                    continue
-            single += _look_at_pixels(
-                codes, camera, coding, earlier_codes, earlier_camera, earlier_coding, edge, delta,
-                BLOCK * row, bottom, left, right, block[0], block[1], keep,
-            )  # fmt: skip
+            left, right, found = BLOCK * column, w if column + 1 == columns else BLOCK * (column + 1), _UNCLEAR
+            if view.smooth[row, column]:
+                found = _whole_block(earlier.smooth, above, below, out_above, out_below, column)
+            if found == _CLEARED:
+                _clear(keep, BLOCK * row, bottom, left, right)
+            elif found == _UNCLEAR:
+                box = BLOCK * row, bottom, left, right
+                single += _look_at_pixels(view, coding, earlier, earlier_coding, edge, delta, box, block, keep)
     return single
 
 
 @parallel
-def cover_cells(codes: U16, camera: F64, coding: F64, stride: int, others: F64, covered: U8) -> None:
+def cover_cells(codes: U16, camera: F64, coding: Coding, stride: int, others: F64, covered: U8) -> None:
     """Sets the cells covered[k] [n, n] of the pictures of other cameras [k, CAMERA_SIZE] that the view's points fall
     into; of its pixels only every stride-th both ways is looked at."""
     h, w = codes.shape
@@ -237,10 +253,10 @@ def cover_cells(codes: U16, camera: F64, coding: F64, stride: int, others: F64, 
     for k in numba.prange(others.shape[0]):
         for y in range(0, h, stride):
             for x in range(0, w, stride):
-                if codes[y, x] < coding[2]:
+                if codes[y, x] < coding.least:
                     continue
                 px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, _depth(codes[y, x], coding))
                 u, v, there = project_point(others[k], px, py, pz)
-                column, row = math.floor(u * n / others[k, 1]), math.floor(v * n / others[k, 2])
+                column, row = math.floor(u * n / others[k, WIDTH]), math.floor(v * n / others[k, HEIGHT])
                 if there > 0.0 and column >= 0 and row >= 0 and column < n and row < n:
                     covered[k, row, column] = 1

@@ -11,9 +11,11 @@ import math
 import numba
 import numpy as np
 
-from ...support.array_types import F32, F64, I32, I64, U64
+from ...support.array_types import F32, F64, I64, U64
 from ..base.jit import inlined, parallel
 from ..base.tolerance import Delta, delta_at
+from .rays import from_camera
+from .surfaces import Triangles
 
 __all__ = ["COLUMNS", "ROWS", "forget_marks", "note_directions"]
 
@@ -26,7 +28,7 @@ _ROOM = 2e-3  # for the rounding of float32 rays; of distances, a share
 @inlined
 def _direction(camera: F64, points: F32, i: int) -> tuple[float, float, float, float]:
     """The unit direction of a point from a camera (packed), nan where they coincide, and its distance."""
-    x, y, z = points[i, 0] - camera[16], points[i, 1] - camera[17], points[i, 2] - camera[18]
+    x, y, z = from_camera(camera, points[i, 0], points[i, 1], points[i, 2])
     length = math.sqrt(x * x + y * y + z * z)
     return x / length, y / length, z / length, length
 
@@ -66,9 +68,10 @@ def _cells(camera: F64, points: F32, a: int, b: int, c: int) -> tuple[int, int, 
 
 
 @parallel
-def note_directions(cameras: F64, points: F32, triangles: I32, which: I64, cells: F32) -> None:
+def note_directions(cameras: F64, mesh: Triangles, which: I64, cells: F32) -> None:
     """Raises cells [cameras, ROWS, COLUMNS] to the distance at which the cameras (packed) see triangles `which` [n]."""
     for k in numba.prange(cameras.shape[0]):
+        points, triangles = mesh.points, mesh.triangles
         for i in which:
             first, last, left, count, _near, far = _cells(
                 cameras[k], points, triangles[i, 0], triangles[i, 1], triangles[i, 2]
@@ -81,11 +84,12 @@ def note_directions(cameras: F64, points: F32, triangles: I32, which: I64, cells
 
 @parallel
 def forget_marks(
-    camera: F64, points: F32, triangles: I32, cells: F32, delta: Delta, marks: U64, word: int, bit: np.uint64
+    camera: F64, mesh: Triangles, cells: F32, delta: Delta, marks: U64, word: int, bit: np.uint64
 ) -> None:
     """Takes a camera's bit from marks [m, words] of triangles that lie nearer, by delta / 2, than a cell [ROWS,
     COLUMNS] in which it sees them says."""
-    for i in numba.prange(triangles.shape[0]):
+    for i in numba.prange(marks.shape[0]):
+        points, triangles = mesh.points, mesh.triangles
         if marks[i, word] & bit == 0:
             continue
         first, last, left, count, near, _far = _cells(

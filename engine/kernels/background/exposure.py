@@ -12,6 +12,7 @@ import numba
 import numpy as np
 
 from ...support.array_types import F32, F64, I64
+from ...support.packed import HEIGHT, WIDTH
 from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point, unproject_point
 from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
@@ -19,6 +20,7 @@ from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
 __all__ = ["gather_samples", "solve_tones", "weigh_samples"]
 
 BLACK, GREY = 64.0, 512.0
+_CODES, _Y, _CB, _CR = range(4)  # columns of the addresses of views
 _DARKEST, _BRIGHTEST = 72, 920  # luma codes within which a sensor is neither blocked up nor clipped
 _REACH = 2  # pixels that a sample keeps away from depth edges, and from its picture's border
 _LEAST_SCALE = 1.0  # code values: residuals are not judged more finely
@@ -31,7 +33,7 @@ _SCALES = 2.0  # residual, in robust standard deviations, at which a sample has 
 @serial
 def _surface(row: F64, codes: int, u: float, v: float) -> float:
     """Depth code round (u, v), -1 where there is a depth edge, no depth, or the picture's border."""
-    width, height = int(row[1]), int(row[2])
+    width, height = int(row[WIDTH]), int(row[HEIGHT])
     x, y = int(u), int(v)
     if not (x >= _REACH and y >= _REACH and x < width - _REACH and y < height - _REACH):
         return -1.0
@@ -60,14 +62,14 @@ def _bilinear(plane: int, width: int, height: int, u: float, v: float) -> float:
 @serial
 def _colour(row: F64, planes: I64, u: float, v: float, out: F32) -> bool:
     """Luma, cb and cr at (u, v), relative to black and grey; False where luma is at an end of its range."""
-    width, height = int(row[1]), int(row[2])
-    luma = _bilinear(planes[1], width, height, u, v)
+    width, height = int(row[WIDTH]), int(row[HEIGHT])
+    luma = _bilinear(planes[_Y], width, height, u, v)
     if luma < _DARKEST or luma > _BRIGHTEST:
         return False
     half_width, half_height = (width + 1) // 2, (height + 1) // 2
     out[0] = luma - BLACK
-    out[1] = _bilinear(planes[2], half_width, half_height, 0.5 * u, 0.5 * v) - GREY
-    out[2] = _bilinear(planes[3], half_width, half_height, 0.5 * u, 0.5 * v) - GREY
+    out[1] = _bilinear(planes[_CB], half_width, half_height, 0.5 * u, 0.5 * v) - GREY
+    out[2] = _bilinear(planes[_CR], half_width, half_height, 0.5 * u, 0.5 * v) - GREY
     return True
 
 
@@ -84,12 +86,12 @@ def gather_samples(
         p = due[turn]
         a, b = pairs[p, 0], pairs[p, 1]
         here, there = table[a], table[b]
-        width, height, count = int(here[1]), int(here[2]), 0
+        width, height, count = int(here[WIDTH]), int(here[HEIGHT]), 0
         for k in range(columns * rows):
             # The corner that four pixels and one chroma sample share in the middle: their mean is the colour.
             u = 2.0 * int((k % columns + 0.5) * width / (2.0 * columns)) + 1.0
             v = 2.0 * int((k // columns + 0.5) * height / (2.0 * rows)) + 1.0
-            code = _surface(here, addresses[a, 0], u, v)
+            code = _surface(here, addresses[a, _CODES], u, v)
             if code < 0.0:
                 continue
             disparity = here[OFFSET] + here[STEP] * code
@@ -97,9 +99,9 @@ def gather_samples(
                 continue
             x, y, z = unproject_point(here, u, v, 1.0 / disparity)
             s, t, depth = project_point(there, x, y, z)
-            if not (depth > 0.0 and s >= 0.0 and t >= 0.0 and s < there[1] and t < there[2]):
+            if not (depth > 0.0 and s >= 0.0 and t >= 0.0 and s < there[WIDTH] and t < there[HEIGHT]):
                 continue
-            seen = _surface(there, addresses[b, 0], s, t)
+            seen = _surface(there, addresses[b, _CODES], s, t)
             if seen < 0.0 or abs((1.0 / depth - there[OFFSET]) / there[STEP] - seen) > there[TOLERANCE]:
                 continue
             if _colour(here, addresses[a], u, v, samples[p, count, 0]) and _colour(

@@ -10,9 +10,10 @@ from ...support.array_types import F32, F64, I32, I64, U8
 from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point
 from ..base.tolerance import Delta, delta_at
-from .culling import SAMPLES, SMALL_PX
-from .rays import ROUNDING, is_free
-from .standing import standing_hit
+from .culling import SAMPLES, SMALL_PX, extent_px
+from .rays import ROUNDING, Tracer, from_camera, is_seen_from
+from .standing import Present, standing_hit
+from .surfaces import Triangles
 
 __all__ = ["CELL", "flag_unseen", "mark_seen", "spread_seen"]
 
@@ -22,13 +23,13 @@ _RUN = 64  # neighbouring triangles, of which each first asks the eye that saw t
 
 
 @inlined
-def _cells(uv: F32, triangle: I32, around: float, wraps: bool, cells: U8) -> tuple[int, int, int, int]:
-    """First and last column and row of the cells of a triangle, and of so many pixels around it."""
+def _cells(uv: F32, triangle: I32, room: float, wraps: bool, cells: U8) -> tuple[int, int, int, int]:
+    """First and last column and row of the cells of a triangle, and of `room` pixels around it."""
     a, b, c = triangle[0], triangle[1], triangle[2]
-    left = math.floor((min(uv[a, 0], uv[b, 0], uv[c, 0]) - around) / CELL)
-    right = math.floor((max(uv[a, 0], uv[b, 0], uv[c, 0]) + around) / CELL)
-    top = math.floor((min(uv[a, 1], uv[b, 1], uv[c, 1]) - around) / CELL)
-    bottom = math.floor((max(uv[a, 1], uv[b, 1], uv[c, 1]) + around) / CELL)
+    left = math.floor((min(uv[a, 0], uv[b, 0], uv[c, 0]) - room) / CELL)
+    right = math.floor((max(uv[a, 0], uv[b, 0], uv[c, 0]) + room) / CELL)
+    top = math.floor((min(uv[a, 1], uv[b, 1], uv[c, 1]) - room) / CELL)
+    bottom = math.floor((max(uv[a, 1], uv[b, 1], uv[c, 1]) + room) / CELL)
     if not wraps:
         left, right = max(left, 0), min(right, cells.shape[1] - 1)
     return left, right, max(top, 0), min(bottom, cells.shape[0] - 1)
@@ -45,60 +46,51 @@ def _is_beside(uv: F32, triangle: I32, wraps: bool, cells: U8) -> bool:
     return found
 
 
-@inlined
-def _is_small(uv: F32, triangle: I32) -> bool:
-    a, b, c = triangle[0], triangle[1], triangle[2]
-    width = max(uv[a, 0], uv[b, 0], uv[c, 0]) - min(uv[a, 0], uv[b, 0], uv[c, 0])
-    height = max(uv[a, 1], uv[b, 1], uv[c, 1]) - min(uv[a, 1], uv[b, 1], uv[c, 1])
-    return max(width, height) <= SMALL_PX
-
-
 @serial
 def _sees(
-    function: int, occluded: int, scene: int, eye: F64, bounds: F64, x: float, y: float, z: float,
-    owners: I64, table: F64, codes: I64, delta: Delta,
-) -> tuple[bool, int]:  # fmt: skip
+    tracer: Tracer, eye: F64, x: float, y: float, z: float, surfaces: I64, present: Present, delta: Delta
+) -> tuple[bool, int]:
     """Whether nothing that an eye is shown stands before a point by more than delta, and the rays cast."""
-    dx, dy, dz = x - eye[16], y - eye[17], z - eye[18]
+    dx, dy, dz = from_camera(eye, x, y, z)
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     free = 1.0 - max(delta_at(delta, distance) / distance, ROUNDING)
     if not free > 0.0:
         return True, 0
-    if is_free(occluded, scene, eye[16], eye[17], eye[18], dx, dy, dz, free):  # most are
+    if is_seen_from(tracer, eye, dx, dy, dz, free):  # most are
         return True, 1
     u, v, distance = project_point(eye, x, y, z)
     shown, _hu, _hv, _geometry, _primitive, _length, rays = standing_hit(
-        function, scene, eye, bounds, u, v, 0.0, owners, table, codes, delta
+        tracer, eye, u, v, surfaces, present, delta
     )
     return not 0.0 < shown < free * distance, rays + 1
 
 
 @parallel
 def mark_seen(
-    function: int, occluded: int, scene: int, eyes: F64, bounds: F64, points: F32, uv: F32, triangles: I32, invalid: U8,
-    owners: I64, table: F64, codes: I64, delta: Delta, wraps: bool, cells: U8, seen: U8,
+    tracer: Tracer, eyes: F64, mesh: Triangles, invalid: U8, surfaces: I64, present: Present, delta: Delta,
+    wraps: bool, cells: U8, seen: U8,
 ) -> int:  # fmt: skip
-    """Sets seen [m] to 1 for valid triangles of which an eye (packed all-round cameras [n, 20]) sees a sample point;
-    returns the rays cast. Those that touch a cell that is set (see `spread_seen`) are not looked at. owners, table,
-    codes and delta: see `standing_hit`."""
+    """Sets seen [m] to 1 for valid triangles of which an eye (packed all-round cameras [n, CAMERA_SIZE]) sees a sample
+    point; returns the rays cast. Those that touch a cell that is set (see `spread_seen`) are not looked at. surfaces,
+    present and delta: see `standing_hit`."""
     rays = 0
-    for run in numba.prange((triangles.shape[0] + _RUN - 1) // _RUN):
-        last = 0
+    for run in numba.prange((invalid.shape[0] + _RUN - 1) // _RUN):
+        points, triangles, last = mesh.points, mesh.triangles, 0
         for i in range(run * _RUN, min((run + 1) * _RUN, triangles.shape[0])):
-            if invalid[i] != 0 or _is_beside(uv, triangles[i], wraps, cells):
+            if invalid[i] != 0 or _is_beside(mesh.uv, triangles[i], wraps, cells):
                 continue
             a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
-            samples = 1 if _is_small(uv, triangles[i]) else len(SAMPLES)
+            samples = 1 if extent_px(mesh, a, b, c) <= SMALL_PX else len(SAMPLES)
             for k in range(samples * eyes.shape[0]):
                 p, q = SAMPLES[k // eyes.shape[0]]
                 r = 1.0 - p - q
                 eye = (last + k) % eyes.shape[0]
                 found, cast = _sees(
-                    function, occluded, scene, eyes[eye], bounds,
+                    tracer, eyes[eye],
                     p * points[a, 0] + q * points[b, 0] + r * points[c, 0],
                     p * points[a, 1] + q * points[b, 1] + r * points[c, 1],
                     p * points[a, 2] + q * points[b, 2] + r * points[c, 2],
-                    owners, table, codes, delta,
+                    surfaces, present, delta,
                 )  # fmt: skip
                 rays += cast
                 if found:

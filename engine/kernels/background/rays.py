@@ -7,7 +7,7 @@ as a global would keep Numba from caching the kernels.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -17,6 +17,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from ...support.array_types import F64
+from ...support.packed import POSITION
 from ..base.jit import inlined, serial
 from ..base.project import unproject_point
 
@@ -24,10 +25,14 @@ __all__ = [
     "BESIDE_PX",
     "INVALID_ID",
     "ROUNDING",
+    "Tracer",
+    "along",
     "distance_to_exit",
     "farthest_hit",
+    "from_camera",
     "intersect1",
     "is_free",
+    "is_seen_from",
     "load_f32",
     "load_i64",
     "load_u16",
@@ -144,18 +149,52 @@ def intersect1(
     return result(i64, i64, i64, *([f32] * 8)), codegen
 
 
+class Tracer(NamedTuple):
+    """A ray tracer's scene, as kernels take it.
+
+    intersect, occluded: addresses of rtcIntersect1 and rtcOccluded1; scene: the address of a committed scene. bounds:
+    [2, 3], a box that holds the scene with some room, metres, relative to the scene origin: rays from outside start on
+    it.
+    """
+
+    intersect: int
+    occluded: int
+    scene: int
+    bounds: F64
+
+
+@inlined
+def from_camera(camera: F64, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """The way from a camera (packed) to a point, in the world's axes."""
+    return x - camera[POSITION], y - camera[POSITION + 1], z - camera[POSITION + 2]
+
+
+@inlined
+def along(camera: F64, distance: float, dx: float, dy: float, dz: float) -> tuple[float, float, float]:
+    """The point `distance` times a direction away from a camera (packed)."""
+    return (
+        camera[POSITION] + distance * dx, camera[POSITION + 1] + distance * dy, camera[POSITION + 2] + distance * dz
+    )  # fmt: skip
+
+
 @inlined
 def is_free(
-    occluded: int, scene: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, far: float
+    tracer: Tracer, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, far: float
 ) -> bool:
     """Whether a ray meets nothing up to `far` (in lengths of its direction). Where it does, the first thing that is
-    found ends the search, wherever on the ray; occluded: the address of rtcOccluded1."""
+    found ends the search, wherever on the ray (an any-hit ray)."""
     # RTCRayHit starts with the RTCRay that rtcOccluded1 takes; where something is hit, it sets tfar to -inf.
     left, _u, _v, _geometry, _primitive = intersect1(
-        occluded, scene, 0, np.float32(ox), np.float32(oy), np.float32(oz), np.float32(dx), np.float32(dy),
-        np.float32(dz), np.float32(0.0), np.float32(far),
+        tracer.occluded, tracer.scene, 0, np.float32(ox), np.float32(oy), np.float32(oz), np.float32(dx),
+        np.float32(dy), np.float32(dz), np.float32(0.0), np.float32(far),
     )  # fmt: skip
     return left >= np.float32(0.0)
+
+
+@inlined
+def is_seen_from(tracer: Tracer, camera: F64, dx: float, dy: float, dz: float, far: float) -> bool:
+    """Whether nothing stands between a camera (packed) and `far` times a direction from it."""
+    return is_free(tracer, camera[POSITION], camera[POSITION + 1], camera[POSITION + 2], dx, dy, dz, far)
 
 
 # Filter callbacks get RTCFilterFunctionNArguments: valid, geometryUserPtr, context, ray, hit, N. With
@@ -186,14 +225,15 @@ def mark_and_pass(arguments: int) -> None:
 
 
 @inlined
-def distance_to_exit(bounds: F64, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
-    """How far a ray goes until it has left a box [2, 3] for good; negative where it never meets it again."""
+def distance_to_exit(bounds: F64, camera: F64, dx: float, dy: float, dz: float) -> float:
+    """How far a ray from a camera (packed) goes until it has left a box [2, 3] for good; negative where it never meets
+    it again."""
     far = math.inf
-    for axis, start, step in ((0, x, dx), (1, y, dy), (2, z, dz)):
+    for axis, step in ((0, dx), (1, dy), (2, dz)):
         if step > 0.0:
-            far = min(far, (bounds[1, axis] - start) / step)
+            far = min(far, (bounds[1, axis] - camera[POSITION + axis]) / step)
         elif step < 0.0:
-            far = min(far, (bounds[0, axis] - start) / step)
+            far = min(far, (bounds[0, axis] - camera[POSITION + axis]) / step)
     return far
 
 
@@ -207,38 +247,32 @@ def outside_ray(
     camera that a depth of 1 makes.
     """
     x, y, z = unproject_point(camera, u, v, 1.0)
-    dx, dy, dz = x - camera[16], y - camera[17], z - camera[18]
+    dx, dy, dz = from_camera(camera, x, y, z)
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     dx, dy, dz = dx / length, dy / length, dz / length
-    far = distance_to_exit(bounds, camera[16], camera[17], camera[18], dx, dy, dz)
-    return (
-        camera[16] + far * dx, camera[17] + far * dy, camera[18] + far * dz,
-        -dx, -dy, -dz, far, length,
-    )  # fmt: skip
+    far = distance_to_exit(bounds, camera, dx, dy, dz)
+    x, y, z = along(camera, far, dx, dy, dz)
+    return x, y, z, -dx, -dy, -dz, far, length
 
 
 @inlined
-def farthest_hit(
-    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float
-) -> tuple[float, float, float, int, int, float]:
+def farthest_hit(tracer: Tracer, camera: F64, u: float, v: float) -> tuple[float, float, float, int, int, float]:
     """What lies farthest behind (u, v) of a camera: distance from the camera, barycentric u and v, geometry,
     primitive, and the distance that a depth of 1 makes. The distance is negative where nothing is hit, nor beside."""
-    hit = _farthest_along(function, scene, camera, bounds, u, v)
+    hit = _farthest_along(tracer, camera, u, v)
     if hit[0] < 0.0:
-        hit = _farthest_along(function, scene, camera, bounds, u + BESIDE_PX, v - BESIDE_PX)
+        hit = _farthest_along(tracer, camera, u + BESIDE_PX, v - BESIDE_PX)
     return hit
 
 
 @serial
-def _farthest_along(
-    function: int, scene: int, camera: F64, bounds: F64, u: float, v: float
-) -> tuple[float, float, float, int, int, float]:
+def _farthest_along(tracer: Tracer, camera: F64, u: float, v: float) -> tuple[float, float, float, int, int, float]:
     """`farthest_hit` by a single ray."""
-    x, y, z, dx, dy, dz, far, length = outside_ray(camera, bounds, u, v)
+    x, y, z, dx, dy, dz, far, length = outside_ray(camera, tracer.bounds, u, v)
     if not far > 0.0:
         return -1.0, 0.0, 0.0, -1, -1, length
     t, hu, hv, geometry, primitive = intersect1(
-        function, scene, 0, np.float32(x), np.float32(y), np.float32(z),
+        tracer.intersect, tracer.scene, 0, np.float32(x), np.float32(y), np.float32(z),
         np.float32(dx), np.float32(dy), np.float32(dz), np.float32(0.0), np.float32(far),
     )  # fmt: skip
     if geometry == INVALID_ID:

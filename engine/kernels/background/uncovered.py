@@ -13,7 +13,20 @@ import numba
 import numpy as np
 
 from ...support.array_types import F32, F64, I64, U8
-from ...support.packed import PERSPECTIVE
+from ...support.packed import (
+    CX,
+    CY,
+    FX,
+    FY,
+    HEIGHT,
+    KIND,
+    PERSPECTIVE,
+    RADIANS_A_COLUMN,
+    RADIANS_A_ROW,
+    THETA_MAX,
+    WIDTH,
+    WRAPS,
+)
 from ..base.jit import inlined, parallel, serial
 from ..base.project import project_pixels
 from ..base.view_table import INVALID, OFFSET, STEP, load_byte, load_texel
@@ -24,6 +37,7 @@ __all__ = ["BLOCK", "CELL", "mark_uncovered"]
 
 BLOCK = 16  # pixels of a view
 CELL = 4  # pixels of the background's picture
+_CODES, _CUTS = 0, 4  # columns of the addresses of views
 _COVERED, _CUT = 1, 2  # bits of a cell
 _FARTHEST = 6  # cells that an eye's moves may shift a surface by; what shifts more is not relied on
 _WIDEST = 40  # cells; blocks whose images are larger are not relied on
@@ -34,7 +48,7 @@ _WORD_BROKEN = BROKEN * 0x0101010101010101
 def _look_at_corners(view: F64, codes: int, camera: F64, row: int, pixels: F64, images: F64) -> None:
     """images [3, columns + 1]: u, v and depth in the background's picture of the corners of a row of blocks; depth 0
     where a corner has none. Corners are pixels of every sixteenth row and column, and of the last. pixels: room."""
-    w, y, count = int(view[1]), min(BLOCK * row, int(view[2]) - 1), images.shape[1]
+    w, y, count = int(view[WIDTH]), min(BLOCK * row, int(view[HEIGHT]) - 1), images.shape[1]
     for i in range(count):
         x = min(BLOCK * i, w - 1)
         code = load_texel(codes, y * w + x)
@@ -51,13 +65,13 @@ def _any_cut(flags: int, w: int, top: int, bottom: int, left: int, right: int) -
     """Whether a cut touches one of a block's pixels; the last ones belong to it."""
     found, last = 0, right - 7
     for y in range(top, bottom + 1):
-        at = flags + y * w
+        line = flags + y * w
         x = left
         while x <= last:
-            found |= load_i64(at + x)
+            found |= load_i64(line + x)
             x += 8
         while x <= right:
-            found |= load_byte(at, x)
+            found |= load_byte(line, x)
             x += 1
     return found & _WORD_BROKEN != 0
 
@@ -77,9 +91,9 @@ def _mark(cells: U8, nearest: F32, bit: int, box: tuple[float, float, float, flo
 @serial
 def _mark_view(view: F64, codes: int, flags: int, camera: F64, cells: U8, nearest: F32) -> None:
     """Marks the cells that a view's surface lies in, and those that its cuts and its border lie in."""
-    w, h = int(view[1]), int(view[2])
+    w, h = int(view[WIDTH]), int(view[HEIGHT])
     rows, columns = max(1, (h - 2) // BLOCK + 1), max(1, (w - 2) // BLOCK + 1)
-    border = view[19] == 0.0
+    border = view[WRAPS] == 0.0
     corners, room = np.empty((2, 3, columns + 1)), np.empty((3, columns + 1))
     _look_at_corners(view, codes, camera, 0, room, corners[1])
     for row in range(rows):
@@ -92,7 +106,7 @@ def _mark_view(view: F64, codes: int, flags: int, camera: F64, cells: U8, neares
                 if d > 0.0:
                     u_low, u_high, v_low, v_high = min(u_low, u), max(u_high, u), min(v_low, v), max(v_high, v)
                     depth, count = min(depth, d), count + 1
-            if count == 0 or u_high < 0.0 or v_high < 0.0 or u_low > camera[1] or v_low > camera[2]:
+            if count == 0 or u_high < 0.0 or v_high < 0.0 or u_low > camera[WIDTH] or v_low > camera[HEIGHT]:
                 continue
             box = u_low, v_low, u_high, v_high
             wide = max(u_high - u_low, v_high - v_low) > _WIDEST * CELL
@@ -114,10 +128,11 @@ def _mark_view(view: F64, codes: int, flags: int, camera: F64, cells: U8, neares
 @inlined
 def _pixels_a_radian(camera: F64, u: float, v: float) -> float:
     """By how many pixels, at most, a point at depth 1 moves in a picture for each length that the camera moves by."""
-    if camera[0] == PERSPECTIVE:
-        y, z = (camera[5] - u) / camera[3], (camera[6] - v) / camera[4]
-        return max(abs(camera[3]), abs(camera[4])) * math.sqrt(1.0 + y * y + z * z)
-    return 1.0 / min(camera[4] * max(math.cos(camera[5] - v * camera[6]), 1e-3), camera[6])
+    if camera[KIND] == PERSPECTIVE:
+        y, z = (camera[CX] - u) / camera[FX], (camera[CY] - v) / camera[FY]
+        return max(abs(camera[FX]), abs(camera[FY])) * math.sqrt(1.0 + y * y + z * z)
+    elevation = camera[THETA_MAX] - v * camera[RADIANS_A_ROW]
+    return 1.0 / min(camera[RADIANS_A_COLUMN] * max(math.cos(elevation), 1e-3), camera[RADIANS_A_ROW])
 
 
 @inlined
@@ -143,7 +158,7 @@ def mark_uncovered(table: F64, addresses: I64, camera: F64, reach_m: float, want
     cells = np.zeros((views, rows, columns), np.uint8)
     nearest = np.full((views, rows, columns), np.float32(np.inf))
     for k in numba.prange(views):
-        _mark_view(table[k], addresses[k, 0], addresses[k, 4], camera, cells[k], nearest[k])
+        _mark_view(table[k], addresses[k, _CODES], addresses[k, _CUTS], camera, cells[k], nearest[k])
     for row in numba.prange(rows):
         for x in range(columns):
             found, shift = False, reach_m * _pixels_a_radian(camera, CELL * (x + 0.5), CELL * (row + 0.5)) / CELL

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from ...support.array_types import F32, F64, I32
-from ..background.rays import farthest_hit
+from ..background.rays import Tracer, farthest_hit
 from ..base.jit import inlined, parallel
 from ..base.project import project_point
 
@@ -29,7 +29,7 @@ def _random(state: np.uint64) -> np.uint64:
 
 @parallel
 def count_leaks(
-    function: int, scene: int, bounds: F64, points: F32, triangles: I32, cameras: F64, seed: int, rays: int
+    tracer: Tracer, points: F32, triangles: I32, cameras: F64, seed: int, rays: int
 ) -> tuple[int, int, int]:
     """How many of so many rays each hit nothing: from random cameras [n, 20] toward random triangles' insides, toward
     their sides, and toward their corners."""
@@ -51,7 +51,7 @@ def count_leaks(
                 y += share * points[triangle[corner], 1]
                 z += share * points[triangle[corner], 2]
             u, v, _depth = project_point(camera, x, y, z)
-            missed = farthest_hit(function, scene, camera, bounds, u, v)[0] < 0.0
+            missed = farthest_hit(tracer, camera, u, v)[0] < 0.0
             inside += missed and kind == 0
             sides += missed and kind == 1
             corners += missed and kind == 2
@@ -59,9 +59,9 @@ def count_leaks(
 
 
 @parallel
-def farthest_distances(function: int, scene: int, camera: F64, bounds: F64, distances: F64) -> None:
+def farthest_distances(tracer: Tracer, camera: F64, distances: F64) -> None:
     """distances [h, w]: those of the farthest hits behind the pixels of a camera, nan where there is none."""
     for row in numba.prange(distances.shape[0]):
         for x in range(distances.shape[1]):
-            found = farthest_hit(function, scene, camera, bounds, x + 0.5, row + 0.5)[0]
+            found = farthest_hit(tracer, camera, x + 0.5, row + 0.5)[0]
             distances[row, x] = found if found > 0.0 else math.nan

@@ -1,0 +1,79 @@
+"""Colours of captures, at picture coordinates: what the PBI and exported meshes are coloured with.
+
+A table of captures is int64 [n, CAPTURE_SIZE]: the addresses of a maximum depth image's planes, then its sizes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+
+from ...support.array_types import F32, I64
+from ..base.jit import inlined, parallel, serial
+from .rays import load_u16
+
+__all__ = [
+    "CAPTURE_SIZE", "CB", "CODES", "CR", "EDGE", "HEIGHT", "WIDTH", "WRAPS", "Y", "chroma_at", "luma_at",
+    "sample_colours",
+]  # fmt: skip
+
+Y, CB, CR, CODES, WIDTH, HEIGHT, WRAPS, EDGE = range(8)  # EDGE: the step between codes that is a depth edge
+CAPTURE_SIZE = 8
+
+
+@inlined
+def _load(plane: int, index: int) -> int:
+    return numba.int64(load_u16(plane + 2 * index))
+
+
+@inlined
+def _clamped(x: int, size: int, wraps: bool) -> int:
+    """Beyond the border the nearest sample, or the other side's where the picture wraps."""
+    return x % size if wraps else min(max(x, 0), size - 1)
+
+
+@serial
+def luma_at(capture: I64, u: float, v: float) -> float:
+    """Luma at (u, v), from those of the four pixels around that lie on the nearest one's surface."""
+    width, height, wraps = capture[WIDTH], capture[HEIGHT], capture[WRAPS] != 0
+    x, y = u - 0.5, v - 0.5
+    x0, y0 = math.floor(x), math.floor(y)
+    fx, fy = x - x0, y - y0
+    left, right = _clamped(int(x0), width, wraps), _clamped(int(x0) + 1, width, wraps)
+    top, low = width * _clamped(int(y0), height, False), width * _clamped(int(y0) + 1, height, False)
+    nearest = _load(capture[CODES], (right if fx >= 0.5 else left) + (low if fy >= 0.5 else top))
+    total, weights = 0.0, 0.0
+    for k in range(4):
+        index = (right if k & 1 else left) + (low if k >> 1 else top)
+        weight = (fx if k & 1 else 1 - fx) * (fy if k >> 1 else 1 - fy)
+        if abs(_load(capture[CODES], index) - nearest) <= capture[EDGE]:
+            total += weight * _load(capture[Y], index)
+            weights += weight
+    return total / weights
+
+
+@serial
+def chroma_at(capture: I64, u: float, v: float) -> tuple[float, float]:
+    """Chroma at (u, v) of the picture, bilinear."""
+    width, height, wraps = (capture[WIDTH] + 1) // 2, (capture[HEIGHT] + 1) // 2, capture[WRAPS] != 0
+    x, y = 0.5 * u - 0.5, 0.5 * v - 0.5
+    x0, y0 = math.floor(x), math.floor(y)
+    fx, fy = x - x0, y - y0
+    left, right = _clamped(int(x0), width, wraps), _clamped(int(x0) + 1, width, wraps)
+    top, low = width * _clamped(int(y0), height, False), width * _clamped(int(y0) + 1, height, False)
+    blue, red = 0.0, 0.0
+    for k in range(4):
+        index = (right if k & 1 else left) + (low if k >> 1 else top)
+        weight = (fx if k & 1 else 1 - fx) * (fy if k >> 1 else 1 - fy)
+        blue += weight * _load(capture[CB], index)
+        red += weight * _load(capture[CR], index)
+    return blue, red
+
+
+@parallel
+def sample_colours(capture: I64, uv: F32, ycbcr: F32) -> None:
+    """Y'CbCr codes [n, 3] of a capture (a row of the table) at picture coordinates [n, 2]."""
+    for i in numba.prange(uv.shape[0]):
+        ycbcr[i, 0] = luma_at(capture, uv[i, 0], uv[i, 1])
+        ycbcr[i, 1], ycbcr[i, 2] = chroma_at(capture, uv[i, 0], uv[i, 1])

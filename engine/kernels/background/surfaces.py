@@ -1,0 +1,37 @@
+"""How kernels reach the surfaces of the PBS: one mesh as arrays, or all of them through a table of addresses."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...support.array_types import F32, I32
+
+__all__ = [
+    "CAMERA",
+    "CAPTURE",
+    "MARKS",
+    "MARKS_SIZE",
+    "POINTS",
+    "STRIDE",
+    "SURFACE_SIZE",
+    "TRIANGLES",
+    "UV",
+    "Triangles",
+]
+
+# A table of surfaces is int64 [geometries, SURFACE_SIZE]: addresses of a surface's triangles, uv and points, the camera
+# that it stems from, and the capture that it has its colours from.
+TRIANGLES, UV, POINTS, CAMERA, CAPTURE = range(5)
+SURFACE_SIZE = 5
+# A table of marks is int64 [geometries, MARKS_SIZE]: the address of a surface's marks, and the bytes of a triangle's.
+# Ray callbacks read it (`rays.mark_and_pass`).
+MARKS, STRIDE = range(2)
+MARKS_SIZE = 2
+
+
+class Triangles(NamedTuple):
+    """A mesh as kernels take it."""
+
+    points: F32  # [n, 3], metres, relative to the scene origin
+    uv: F32  # [n, 2], in the picture that the mesh stems from
+    triangles: I32  # [m, 3]
