@@ -41,6 +41,10 @@ class Mesh:
         bound_blocks(self.points, self.starts, spheres)
         return spheres
 
+    def warm(self) -> None:
+        """Make now what is made when it is first drawn."""
+        _ = self.spheres
+
     def only(self, which: npt.NDArray[np.bool_]) -> Mesh:  # [m]
         """Some of its triangles, with the points that these use, in one block."""
         triangles = self.triangles[which]

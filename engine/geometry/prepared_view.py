@@ -75,6 +75,11 @@ class PreparedView:
                 self._meshes[part] = self._triangulate(part)
             return self._meshes[part]
 
+    def warm(self, parts: Sequence[Part]) -> None:
+        """Make now what drawing these parts needs; otherwise the first picture would."""
+        for part in parts:
+            self.mesh(part).warm()
+
     @property
     def triangle_count(self) -> int:
         """Triangles of the meshes that were asked for up to now."""
@@ -180,6 +185,11 @@ class ViewTable:
         planes = [[*view.addresses(measured=k >= drawn), cuts[k]] for k, view in enumerate(views)]
         self.addresses = np.array(planes, np.int64).reshape(-1, 5)
         self._drawn = drawn
+
+    def warm(self, resolution: float | None) -> None:
+        """Make now the reduced views that `at` gives for a resolution (pixels a radian); None: no picture wants any."""
+        if resolution is not None:
+            self.at(resolution)
 
     def at(self, resolution: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
         """Rows and addresses with the drawn views at the size nearest to a picture's with so many pixels a radian."""

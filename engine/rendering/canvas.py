@@ -45,6 +45,12 @@ class Canvas:
         self.planes = (np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32))
         self._rasteriser = Rasteriser(height)
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of memory that it keeps from picture to picture."""
+        planes = (self.disparity, self.winner, self._backdrop, self._nobody, *self.planes)
+        return sum(plane.nbytes for plane in planes) + self._rasteriser.nbytes
+
     def clear(self, marks: npt.NDArray[np.uint8] | None = None) -> None:
         """Forget the last picture's surfaces.
 

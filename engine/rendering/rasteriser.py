@@ -45,6 +45,11 @@ class Rasteriser:
         self._screen = np.empty(0, np.float32)
         self._nearer = np.empty(0, np.uint8)
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of room that it keeps."""
+        return self._lists.nbytes + self._screen.nbytes + self._nearer.nbytes
+
     def draw(
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float,
         disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8], tiles: Tiles,
