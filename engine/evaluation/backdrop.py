@@ -73,7 +73,7 @@ def compare_backdrops(
         frame, viewers = twin_frame(twin, index), {c.name: c for c in cameras} if index % every == 0 else {}
         for engine in engines.values():
             # Where fewer views are drawn, more of the backdrop is needed.
-            engine.settings = dataclasses.replace(engine.settings, n_render=min(VIEWS))
+            engine.retune(dataclasses.replace(engine.settings, n_render=min(VIEWS)))
             engine.update(frame, viewers)
         for camera, views in product(viewers.values(), VIEWS):
             yield from _samples(engines, camera, twin.truth(camera, index), index, views)
@@ -84,7 +84,7 @@ def _samples(
 ) -> Iterator[BackdropSample]:
     pictures = {}
     for mode, engine in engines.items():
-        engine.settings = dataclasses.replace(engine.settings, n_render=views)
+        engine.retune(dataclasses.replace(engine.settings, n_render=views))
         pictures[mode] = engine.render_camera(camera, camera.name)
     undrawn = np.any([picture.holes(warped=True) for picture in pictures.values()], axis=0)
     for mode, picture in pictures.items():

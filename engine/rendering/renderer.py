@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 
 from ..geometry.prepared_view import PreparedView, ViewTable
 from ..geometry.scene_scale import Scene
-from ..kernels.base.tolerance import Slack
+from ..kernels.base.tolerance import Delta
 from ..rig.camera import Camera
 from ..rig.viewer import RenderedPicture
 from ..settings import Settings
@@ -36,7 +36,7 @@ class FrameContent:
     views: tuple[PreparedView, ...]
     present: ViewTable
     pbis: Mapping[str, PreparedView]
-    delta: Slack | None
+    delta: Delta | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -122,7 +122,7 @@ def test_heads_in_the_space_see_the_same():
     for place in [*heads, np.array([0.4, 2.5, 0.0])]:
         pose = room.turned(tuple(place.tolist()), *rng.uniform((-40, -10, -5), (0, 10, 5)).tolist())
         camera = Camera("head", Perspective.from_fov(120, 90, 1.6), pose, room.CODING)
-        one, other = (engine.model.render_pbi(camera, engine._front.present).view.codes for engine in (whole, part))
+        one, other = (e.model.render_pbi(camera, e.front.content.present).view.codes for e in (whole, part))
         differing.append(np.count_nonzero(one != other))
     *inside, outside = differing
     assert max(inside) <= 0.001 * 120 * 90

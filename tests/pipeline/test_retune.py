@@ -118,7 +118,7 @@ def test_the_margin_is_what_the_pbi_sees_beyond_the_eyes():
     for margin in (0.0, 0.2):
         engine = Engine(cameras, Settings.preset("balanced", pbi_margin_rad=margin))
         engine.update(frame(0, cameras, 0.0), {"me": HEAD})
-        rays.append(engine._front.backdrops["me"].view.camera.width)
+        rays.append(engine.front.content.pbis["me"].view.camera.width)
     assert rays[0] < rays[1]
 
 

@@ -1,0 +1,168 @@
+"""The back end (paper Fig. 3), once per video frame: update the current reference views, update the PBS, render PBIs.
+
+What it makes is the back buffer: swapped to the front when it is complete, never changed after that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ..background.exposure import Exposure, to_common
+from ..background.model import BackgroundModel, UpdateReport
+from ..background.pbi import enlarged, imaginary_camera, uncovered_cells
+from ..geometry.prepared_view import PreparedView, ViewTable
+from ..geometry.scene_scale import Scene
+from ..geometry.triangulation import Triangulator
+from ..rendering.renderer import FrameContent, PreparedFrame, Renderer
+from ..rig.camera import Camera
+from ..rig.frame import Frame
+from ..settings import Settings
+from ..support.array_types import F64
+from ..support.stages import Stages, timed
+from .front_buffer import FrontBuffer
+from .viewpoint import Look, Viewer, head_camera, scaled, selected
+
+__all__ = ["BackEnd", "BackEndReport"]
+
+_NEAR = 0.02  # of the depth range's near end: nearer to the head the PBI shows nothing
+# The PBI casts no rays where the first _STEADY_VIEWS selected views cover the picture, even from eyes that move _SWAY
+# metres more than their speed says. Only the first views count: they are still selected when the head has moved a bit.
+_STEADY_VIEWS, _SWAY = 3, 0.02
+
+
+@dataclass(slots=True)
+class BackEndReport:
+    """What one video frame cost: milliseconds by stage, rays and triangles, and the background model's own report."""
+
+    frame_index: int
+    stages: Stages
+    background: UpdateReport | None
+    pbi_rays: int = 0
+    triangles: int = 0  # of the views that are drawn
+
+
+class BackEnd:
+    """Keeps what outlives a frame: the scene's scale, the background model, the views' tones. For one thread."""
+
+    def __init__(self, cameras: Sequence[Camera], renderer: Renderer, f_vin: float) -> None:
+        self.f_vin = f_vin
+        self.model: BackgroundModel | None = None
+        self._cameras, self._renderer = tuple(cameras), renderer
+        self._scene: Scene | None = None
+        self._exposure: Exposure | None = None
+        self._triangulators = [Triangulator() for _ in self._cameras]
+
+    def update(
+        self, frame: Frame, look: Look, speeds: Mapping[str, float], settings: Settings
+    ) -> tuple[FrontBuffer, BackEndReport]:
+        """The back buffer of a frame, complete.
+
+        `look` is called twice: PBIs are rendered for where the heads are then, and at the end everything is made ready
+        that pictures draw where they have come to. speeds: of the heads, m/s. Raises ValueError for a frame that does
+        not fit the rig, which changes nothing.
+        """
+        self._check(frame)
+        stages = Stages()
+        if self._scene is None:
+            self._scene = Scene.of([view.camera for view in frame.views], settings, frame)
+        scene = self._scene
+        views = self._reference_views(frame, scene, settings)
+        present, report = ViewTable(views), None
+        with timed(stages, "exposure"):
+            tones = self._follow_exposure(frame, present, scene, settings)
+        with timed(stages, "background"):
+            if settings.background:
+                if self.model is None:
+                    self.model = BackgroundModel(self._cameras, settings, scene)
+                report = self.model.update(frame, None if tones is None else to_common(tones))
+        with timed(stages, "pbi"):
+            pbis, rays = self._make_pbis(look(), speeds, FrameContent(scene, views, present, {}, None), settings)
+            delta = None if self.model is None else self.model.tolerances.delta
+            content = FrameContent(scene, views, present, pbis, delta)
+            prepared = self._renderer.prepare(content)
+        with timed(stages, "triangulate"):
+            self._warm(prepared, look(), content, settings)
+        back = FrontBuffer(frame.index, content, prepared, tones, settings)
+        return back, BackEndReport(frame.index, stages, report, rays, sum(view.triangle_count for view in views))
+
+    def _check(self, frame: Frame) -> None:
+        names = tuple(view.camera.name for view in frame.views)
+        expected = tuple(camera.name for camera in self._cameras)
+        if names != expected:
+            raise ValueError(f"frame {frame.index}: views {names}: expected {expected}")
+        for view, camera in zip(frame.views, self._cameras, strict=True):
+            if (view.camera.projection, view.camera.depth) != (camera.projection, camera.depth):
+                raise ValueError(
+                    f"frame {frame.index}: view {camera.name}: projection or depth coding "
+                    f"{view.camera.projection}: expected the announced {camera.projection}"
+                )
+
+    def _reference_views(self, frame: Frame, scene: Scene, settings: Settings) -> tuple[PreparedView, ...]:
+        """The current reference views; their meshes are made when they are first wanted."""
+        return tuple(
+            PreparedView(
+                view, scene.triangulation(view.camera, settings), scene.origin, settings.completion, triangulator
+            )
+            for view, triangulator in zip(frame.views, self._triangulators, strict=True)
+        )
+
+    def _follow_exposure(self, frame: Frame, present: ViewTable, scene: Scene, settings: Settings) -> F64 | None:
+        """The views' tones [n, 4, 4]; None where they are not followed."""
+        if settings.exposure_s == 0.0 or len(self._cameras) == 1:
+            return None
+        if self._exposure is None:
+            self._exposure = Exposure(len(self._cameras), settings.exposure_s, scene.depths[:2])
+        model = self.model.images(frame) if self.model is not None else ()
+        self._exposure.update(present, 1.0 / self.f_vin, *model)
+        return self._exposure.tones
+
+    def _make_pbis(
+        self, viewers: Mapping[str, Viewer], speeds: Mapping[str, float], content: FrameContent, settings: Settings
+    ) -> tuple[dict[str, PreparedView], int]:
+        """Each viewer's PBI (section 3.4.1), and the rays that all took; none without a background model."""
+        pbis: dict[str, PreparedView] = {}
+        model, total = self.model, 0
+        if model is None:
+            return pbis, total
+        for name, viewer in viewers.items():
+            speed = speeds.get(name, 0.0)
+            pbis[name], rays = self._make_pbi(model, scaled(viewer, settings), speed, content, settings)
+            total += rays
+        return pbis, total
+
+    def _make_pbi(
+        self, model: BackgroundModel, viewer: Viewer, speed: float, content: FrameContent, settings: Settings
+    ) -> tuple[PreparedView, int]:
+        """A viewer's PBI, and the rays that it took; speed in m/s."""
+        scene, moves = content.scene, speed / self.f_vin + _SWAY
+        scale, margin = settings.pbi_scale, settings.pbi_margin_rad
+        if isinstance(viewer, Camera):
+            camera = enlarged(viewer, scene.coding, scale, margin)
+        else:
+            camera = imaginary_camera(viewer, speed, self.f_vin, scene.coding, scale, margin)
+            moves += 0.5 * viewer.ipd
+        camera = dataclasses.replace(camera, depth=scene.coding_at(camera.pose.position))
+        behind = math.dist(camera.pose.position, viewer.pose.position)
+        steady = [content.views[k] for k in self._selected(viewer, content, settings)[:_STEADY_VIEWS]]
+        wanted = uncovered_cells(camera, steady, behind + moves, scene.origin)
+        present = content.present if settings.backdrop == "standing" else None
+        # What lies between the imaginary camera and the head is not seen.
+        near = behind + _NEAR * scene.coding.near
+        image = model.render_pbi(camera, present, near=near, wanted=wanted)
+        return PreparedView(image.view, scene.triangulation(camera, settings), scene.origin), image.rays
+
+    def _warm(
+        self, prepared: PreparedFrame, viewers: Mapping[str, Viewer], content: FrameContent, settings: Settings
+    ) -> None:
+        """Make ready what each viewer's pictures draw: otherwise the first one would, and come late."""
+        for viewer in viewers.values():
+            small = scaled(viewer, settings)
+            target = head_camera(small, content.scene)
+            prepared.warm(target, self._selected(small, content, settings), settings)
+
+    @staticmethod
+    def _selected(viewer: Viewer, content: FrameContent, settings: Settings) -> list[int]:
+        return selected(viewer, [view.view.camera for view in content.views], content.scene, settings)

@@ -1,0 +1,39 @@
+"""Viewers, as both halves of the pipeline see them: stereo heads and single cameras alike."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
+
+from ..geometry.scene_scale import Scene
+from ..rig.camera import Camera
+from ..rig.selection import select_views
+from ..rig.viewer import StereoView
+from ..settings import Settings
+
+__all__ = ["Look", "Viewer", "head_camera", "scaled", "selected"]
+
+Viewer = StereoView | Camera
+V = TypeVar("V", StereoView, Camera, StereoView | Camera)
+Look = Callable[[], Mapping[str, Viewer]]  # where the viewers are at the moment of the call, by name; in any thread
+
+
+def head_camera(viewer: Viewer, scene: Scene) -> Camera:
+    """One camera for all of a viewer's pictures."""
+    return viewer if isinstance(viewer, Camera) else Camera("head", viewer.left, viewer.pose, scene.coding)
+
+
+def selected(viewer: Viewer, cameras: Sequence[Camera], scene: Scene, settings: Settings) -> list[int]:
+    """Indices of the n_render reference views for a viewer (section 3.1), the most useful first."""
+    target = head_camera(viewer, scene)
+    return select_views(target, cameras, settings.n_render, scene.depths_for(target))
+
+
+def scaled(viewer: V, settings: Settings) -> V:
+    """A viewer with the size of pictures that is rendered."""
+    if settings.output_scale == 1.0:
+        return viewer
+    if isinstance(viewer, StereoView):
+        return viewer.scaled(settings.output_scale)
+    return dataclasses.replace(viewer, projection=viewer.projection.scaled(settings.output_scale))
