@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 import uvicorn
-from farside.engine.io.tmiv import open_sequence
+from farside.engine.io.recording import open_recording
 from farside.server.app import make_server
 from rich.console import Console
 from rich.progress import Progress
@@ -43,7 +43,7 @@ def command(
     settings = server_settings(port=port, quality=quality, target_fps=target_fps)
     with listen(settings) as listening:
         folder = _twin(cache or _cache(), scale, frames, console)
-        sequence = open_sequence(folder)
+        sequence = open_recording(folder)
         playback = Playback(sequence, sequence.source_names, rate, loop=True, token=settings.token)
         address = url_of(listening, settings.token)
         console.print(f"watch at [bold]{address}[/] (Ctrl-C stops); move with the mouse and W A S D Q E")

@@ -10,7 +10,7 @@ from typing import Annotated
 from urllib.parse import quote
 
 import typer
-from farside.engine.io.tmiv import open_sequence
+from farside.engine.io.recording import open_recording
 from farside.engine.settings import Settings
 from rich.console import Console
 from rich.progress import Progress
@@ -69,7 +69,7 @@ def _detail(body: bytes) -> str:
 def _of_sequence(
     path: Path, suffix: str, frames: int | None, sources: str | None, settings: Settings
 ) -> bytes:
-    sequence = open_sequence(path)
+    sequence = open_recording(path)
     names = parse_sources(sequence, sources)
     count = min(frames or sequence.frame_count, sequence.frame_count)
     with Progress(console=Console(stderr=True)) as bar:
@@ -78,7 +78,7 @@ def _of_sequence(
         from farside.engine.pipeline.engine import Engine  # late: compiled kernels take a moment to load
 
         engine = Engine([sequence.camera(name) for name in names], settings, f_vin=sequence.fps)
-        for index in range(count):
-            engine.update(sequence.frame(index, names))
+        for index, frame in enumerate(sequence.frames(0, count, names)):
+            engine.update(frame)
             bar.update(task, completed=index + 1, description="building the model")
         return {"glb": to_glb, "ply": to_ply}[suffix](engine.mesh())

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 from farside.engine.io.pose_trace import read_pose_trace
-from farside.engine.io.tmiv import Sequence, open_sequence
+from farside.engine.io.recording import Recording, open_recording
 from farside.engine.pipeline.offline import (
     PictureWriter,
     Renderer,
@@ -71,7 +71,7 @@ def command(
     ppm_masks: Annotated[bool, typer.Option(help="Also write pictures with the holes marked.")] = False,
 ) -> None:
     """Render virtual cameras or a head-pose trace from a sequence."""
-    opened = open_sequence(sequence)
+    opened = open_recording(sequence)
     given = {
         "n_render": views, "n_init": init, "n_update": update, "tolerance_px": tolerance, "delta_m": delta,
         "viewing_space": viewing_space, "exposure_s": exposure, "update_interval": update_interval,
@@ -98,7 +98,7 @@ def command(
     console.print(f"{len(rows)} frames to {out}; median milliseconds a frame: {median}")
 
 
-def _sources(sequence: Sequence, sources: str | None) -> tuple[str, ...]:
+def _sources(sequence: Recording, sources: str | None) -> tuple[str, ...]:
     if sources is None:
         return tuple(sequence.source_names)
     names = tuple(name.strip() for name in sources.split(","))
@@ -110,7 +110,7 @@ def _sources(sequence: Sequence, sources: str | None) -> tuple[str, ...]:
 
 
 def _targets(
-    sequence: Sequence, cameras: list[str], trace: Path | None, stereo: bool, ipd: float,
+    sequence: Recording, cameras: list[str], trace: Path | None, stereo: bool, ipd: float,
     size: str | None, fov: float | None,
 ) -> tuple[Targets, int]:  # fmt: skip
     """The viewers of each output frame, and how many output frames there are."""
@@ -137,9 +137,9 @@ def _targets(
     return stereo_target(view, poses, trace.stem), len(poses)
 
 
-def _template(sequence: Sequence, size: str | None, fov: float | None) -> Camera:
+def _template(sequence: Recording, size: str | None, fov: float | None) -> Camera:
     """The viewport, or the first source where there is none, with the picture that the options ask for."""
-    template = sequence.cameras.get("viewport") or sequence.camera(sequence.source_names[0])
+    template = sequence.camera("viewport" if "viewport" in sequence.camera_names else sequence.source_names[0])
     if size is None and fov is None:
         return template
     width, height = (template.width, template.height) if size is None else parse_size(size)

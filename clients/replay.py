@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 import numpy as np
 import typer
-from farside.engine.io.tmiv import Sequence, open_sequence, playback_index
+from farside.engine.io.recording import Playhead, Recording, open_recording, playback_index
 from farside.engine.live.frame_memory import Planes, open_buffer
 from farside.engine.rig.camera import Camera
 from farside.engine.rig.frame import View
@@ -31,7 +31,7 @@ T = TypeVar("T")
 class Playback:
     """What to send, and how."""
 
-    sequence: Sequence
+    recording: Recording
     sources: tuple[str, ...]
     rate: float  # frames a second
     frames: int | None = None  # how many; None: all once, or for ever with `loop`
@@ -46,7 +46,7 @@ class Playback:
         """Frames to send; None: no end."""
         if self.loop:
             return self.frames
-        return min(self.frames or self.sequence.frame_count, self.sequence.frame_count)
+        return min(self.frames or self.recording.frame_count, self.recording.frame_count)
 
 
 @dataclass
@@ -63,11 +63,13 @@ class Replay:
     async def run(self, url: str) -> None:
         """Connect and send to the end; raises RefusedError or ConnectionError."""
         p = self.playback
-        cameras = tuple(p.sequence.camera(name) for name in p.sources)
+        cameras = tuple(p.recording.camera(name) for name in p.sources)
         raw = p.texture == p.depth == "raw"  # a server on the same machine then takes them without sending
-        hello = SourceHello(p.sequence.name, p.rate, cameras, p.token, shares=raw)
+        hello = SourceHello(p.recording.name, p.rate, cameras, p.token, shares=raw)
         async with connect(url, hello) as (peer, welcome):
-            session = _Session(peer, 1 if p.every_frame else welcome.credits, _open_buffers(welcome.memory, cameras))
+            credits = 1 if p.every_frame else welcome.credits
+            playhead = Playhead(p.recording, p.sources)
+            session = _Session(peer, credits, _open_buffers(welcome.memory, cameras), playhead)
             self.shared = session.buffers is not None
             settling = asyncio.create_task(self._settle(session))
             try:
@@ -93,29 +95,27 @@ class Replay:
             await _unless_failed(session.window.acquire(), settling)
 
     async def _send_frame(self, session: _Session, number: int, buffer: int | None) -> None:
-        for name in self.playback.sources:
+        index = playback_index(number, self.playback.recording.frame_count)
+        frame = await asyncio.to_thread(session.playhead.frame, index)
+        for view in frame.views:
             if session.buffers and buffer is not None:
-                planes = session.buffers[buffer][name]
-                await session.peer.send(await asyncio.to_thread(self._write, name, number, buffer, planes))
+                planes = session.buffers[buffer][view.camera.name]
+                await session.peer.send(await asyncio.to_thread(self._write, view, number, buffer, planes))
             else:
-                await session.peer.send_bytes(await asyncio.to_thread(self._message, name, number))
+                await session.peer.send_bytes(await asyncio.to_thread(self._message, view, number))
 
-    def _view(self, name: str, number: int) -> View:
-        sequence = self.playback.sequence
-        return sequence.view(name, playback_index(number, sequence.frame_count))
-
-    def _message(self, name: str, number: int) -> bytes:
+    def _message(self, view: View, number: int) -> bytes:
         p = self.playback
-        return encode(encode_view(self._view(name, number), number, texture=p.texture, depth=p.depth))
+        return encode(encode_view(view, number, texture=p.texture, depth=p.depth))
 
-    def _write(self, name: str, number: int, buffer: int, planes: Planes) -> ViewData:
+    @staticmethod
+    def _write(view: View, number: int, buffer: int, planes: Planes) -> ViewData:
         """Puts a view where the server reads it; the message that says so."""
-        view = self._view(name, number)
         for plane in ("y", "cb", "cr"):
             np.copyto(getattr(planes.texture, plane), getattr(view.texture, plane))
         np.copyto(planes.codes, view.codes)
         camera = view.camera
-        return ViewData(number, name, camera.width, camera.height, None, None, camera.pose, buffer)
+        return ViewData(number, camera.name, camera.width, camera.height, None, None, camera.pose, buffer)
 
     async def _settle(self, session: _Session) -> NoReturn:
         while True:
@@ -129,10 +129,15 @@ class Replay:
 
 
 class _Session:
-    """One connection: how many frames may be under way, and the server's memory where it is shared."""
+    """One connection: how many frames may be under way, the server's memory where it is shared, and what is read.
 
-    def __init__(self, peer: Peer, credits: int, buffers: list[dict[str, Planes]] | None) -> None:
-        self.peer, self.credits, self.buffers = peer, credits, buffers
+    A playhead is used by one thread at a time; a thread that still reads for a lost connection has that one's.
+    """
+
+    def __init__(
+        self, peer: Peer, credits: int, buffers: list[dict[str, Planes]] | None, playhead: Playhead
+    ) -> None:
+        self.peer, self.credits, self.buffers, self.playhead = peer, credits, buffers, playhead
         self.window = asyncio.Semaphore(credits)
         self.free: asyncio.Queue[int] = asyncio.Queue()
 
@@ -159,7 +164,7 @@ async def _unless_failed(waiting: Coroutine[Any, Any, T], task: asyncio.Task[NoR
         other.cancel()
 
 
-def parse_sources(sequence: Sequence, sources: str | None) -> tuple[str, ...]:
+def parse_sources(sequence: Recording, sources: str | None) -> tuple[str, ...]:
     """The views to send: those named, comma-separated, or all; raises ValueError for another's name."""
     names = tuple(sources.split(",")) if sources else sequence.source_names
     for name in names:
@@ -184,7 +189,7 @@ def command(
     patience: Annotated[float, typer.Option(help="Seconds to keep trying without a connection.")] = 10.0,
 ) -> None:
     """Send a sequence to a live server, as a camera rig would."""
-    opened = open_sequence(sequence)
+    opened = open_recording(sequence)
     if rate is not None and not 0.01 <= rate <= 1000:
         raise ValueError(f"--rate: {rate!r}: expected 0.01 to 1000 frames a second")
     playback = Playback(

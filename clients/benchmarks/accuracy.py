@@ -9,7 +9,8 @@ from typing import Any
 
 from farside.engine.evaluation.accuracy import Plan, Sample, judge_pictures, picture_count
 from farside.engine.evaluation.accuracy_report import Report, summary_table
-from farside.engine.evaluation.material import Material, TwinMaterial, default_targets, find_sequences
+from farside.engine.evaluation.twin_recording import TwinRecording, default_targets, find_recordings
+from farside.engine.io.recording import Recording
 from farside.engine.synth import make_twin
 from rich.console import Console
 from rich.progress import Progress
@@ -22,8 +23,8 @@ def show_accuracy(
     folders: Sequence[Path], twins: str | None, scale: float, chosen: Sequence[str], plan: Plan, report: Path | None
 ) -> None:
     """Print a row for each sequence, quality, number of views and model; with `report`, write figures and a page."""
-    materials: list[Material] = list(find_sequences(folders))
-    materials += [TwinMaterial(make_twin(name, scale)) for name in (twins.split(",") if twins else ())]
+    materials: list[Recording] = list(find_recordings(folders))
+    materials += [TwinRecording(make_twin(name, scale)) for name in (twins.split(",") if twins else ())]
     if not materials:
         raise ValueError("bench --accuracy: nothing to render: expected folders of sequences or --twins NAME,...")
     work = [(material, list(chosen) or default_targets(material)) for material in materials]

@@ -9,8 +9,7 @@ import numpy as np
 from farside.engine.evaluation.background import inside_rig
 from farside.engine.evaluation.filling import KINDS, compare_fills
 from farside.engine.evaluation.flicker import watch_flicker
-from farside.engine.io.tmiv import Sequence as TmivSequence
-from farside.engine.io.tmiv import open_sequence
+from farside.engine.io.recording import Recording, open_recording
 from farside.engine.settings import Settings
 from rich.console import Console
 from rich.progress import Progress
@@ -23,7 +22,7 @@ def show_fills(
     folder: Path, cameras: Sequence[str] | None, frames: int, every: int, quality: str, views: int, background: bool
 ) -> None:
     """Print a row a camera: how near to the truth each kind of filling comes inside holes."""
-    sequence = open_sequence(folder)
+    sequence = open_recording(folder)
     table = Table(title=f"{sequence.name}, quality {quality}, the {views} nearest views, inside holes only")
     for column in ("camera", "holes, %", *(f"{kind}, PSNR-Y / SSIM" for kind in KINDS)):
         table.add_column(column, justify="right")
@@ -42,7 +41,7 @@ def show_flicker(
     folder: Path, cameras: Sequence[str] | None, frames: int, quality: str, views: int, background: bool
 ) -> None:
     """Print a row a camera: change from frame to frame of what keeps still in truth, of pictures and of holes."""
-    sequence = open_sequence(folder)
+    sequence = open_recording(folder)
     settings = Settings.preset(quality, n_render=views, background=background)
     table = Table(title=f"{sequence.name}, quality {quality}, {views} views: change of what keeps still")
     columns = ("camera", "still, %", "rendered", "truth", "ratio", "holes, %", "rendered", "truth", "ratio")
@@ -59,9 +58,9 @@ def show_flicker(
     Console(width=120).print(table)
 
 
-def _chosen(sequence: TmivSequence, cameras: Sequence[str] | None) -> Sequence[str]:
+def _chosen(sequence: Recording, cameras: Sequence[str] | None) -> Sequence[str]:
     """The cameras asked for, or those inside the rig; ValueError where there is none."""
     names = cameras or inside_rig(sequence)
     if not names:
-        raise ValueError(f"{sequence.folder}: no virtual camera with ground truth stands inside the rig")
+        raise ValueError(f"{sequence.name}: no virtual camera with ground truth stands inside the rig")
     return names

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from farside.engine.io.tmiv import open_sequence
+from farside.engine.io.recording import open_recording
 from farside.server.protocol import ViewerHello
 from rich.console import Console
 from rich.table import Table
@@ -97,7 +97,7 @@ class LiveFigures:
 
 def show_live(folder: Path, fps: float | None, seconds: float, quality: str, size: tuple[int, int]) -> None:
     """Print how a sequence plays live, with its video and then without."""
-    sequence = open_sequence(folder)
+    sequence = open_recording(folder)
     views = [sequence.camera(name) for name in sequence.source_names]
     frame_bytes = sum(5 * view.width * view.height for view in views)  # 4:2:0 in 2 B a sample, and depth
     playing, still = measure_live(folder, fps, seconds, quality, size)

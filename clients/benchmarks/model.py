@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from farside.engine.evaluation.background import compare_model, hole_picture, inside_rig, summarise
-from farside.engine.io.tmiv import open_sequence
+from farside.engine.io.recording import open_recording
 from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
@@ -18,7 +18,7 @@ def show_model(
     folder: Path, chosen: list[str] | None, frames: int, every: int, quality: str, views: int, report: Path | None
 ) -> None:
     """Print a row a camera; with `report`, a picture of the holes with and without the model."""
-    sequence = open_sequence(folder)
+    sequence = open_recording(folder)
     cameras, count = chosen or inside_rig(sequence), min(frames, sequence.frame_count)
     if not cameras:
         raise ValueError(f"{folder}: no virtual camera with ground truth stands inside the rig")

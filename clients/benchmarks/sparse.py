@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from farside.engine.evaluation.background import inside_rig
 from farside.engine.evaluation.sparse import MODES, SparseSample, compare_sparse, completion_cost, punched
-from farside.engine.io.tmiv import open_sequence
+from farside.engine.io.recording import open_recording
 from rich.console import Console
 from rich.table import Table
 
@@ -16,7 +16,7 @@ __all__ = ["show_sparse"]
 
 def show_sparse(folder: Path, cameras: list[str] | None, frames: int, every: int, quality: str, views: int) -> None:
     """Print a row for each virtual camera of a sequence, means over the frames looked at."""
-    sequence = open_sequence(folder)
+    sequence = open_recording(folder)
     names = cameras or inside_rig(sequence)
     indices = range(0, min(frames, sequence.frame_count), every)
     samples = list(compare_sparse(sequence, names, indices, quality, views))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from farside.engine.evaluation.material import open_material
 from farside.engine.evaluation.stages import PHASES, StageReport, StageRow, measure_stages
+from farside.engine.evaluation.twin_recording import open_recording_or_twin
 from farside.engine.settings import Settings
 from rich.console import Console
 from rich.progress import Progress
@@ -17,7 +17,7 @@ __all__ = ["show_stages"]
 
 def show_stages(name: str, scale: float, frames: int, settings: Settings, folder: Path | None) -> None:
     """Print a table; with `folder`, write stages.json into it."""
-    material = open_material(name, scale)
+    material = open_recording_or_twin(name, scale)
     frames = min(frames, material.frame_count)
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("playing (the first run compiles kernels)", total=frames + 1)

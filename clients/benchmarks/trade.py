@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from farside.engine.evaluation.material import Material, TwinMaterial, find_sequences
 from farside.engine.evaluation.trade import Plan, Point, Row, step_count, summarise, sweep, variants
 from farside.engine.evaluation.trade_report import TITLES, fronts, point_table, write_report
+from farside.engine.evaluation.twin_recording import TwinRecording, find_recordings
+from farside.engine.io.recording import Recording
 from farside.engine.synth import make_twin
 from rich.console import Console
 from rich.progress import Progress
@@ -21,9 +22,9 @@ _TWINS = "museum,painter"  # clean depth and noisy depth
 
 def show_trade(folders: Sequence[Path], twins: str | None, scale: float, plan: Plan, report: Path | None) -> None:
     """Print the points and the front; with `report`, write them, a plot and a summary into that folder."""
-    materials: list[Material] = list(find_sequences(folders))
+    materials: list[Recording] = list(find_recordings(folders))
     names = twins if twins is not None else "" if materials else _TWINS
-    materials += [TwinMaterial(make_twin(name, scale)) for name in names.split(",") if name]
+    materials += [TwinRecording(make_twin(name, scale)) for name in names.split(",") if name]
     swept, rows = variants(), list[Row]()
     # Stopped half-way there are still figures of what was done.
     with suppress(KeyboardInterrupt), Progress(console=Console(stderr=True)) as bar:

@@ -13,15 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..io.recording import Recording
 from ..pipeline.engine import Engine
 from ..rig.frame import Frame, Texture
 from ..rig.viewer import RenderedPicture
 from ..settings import Settings
 from .flicker import FlickerMeter
-from .material import Material, TwinMaterial
 from .metrics import erp_range, iv_psnr, psnr, ssim, ws_psnr
 from .peers import nearest_views
 from .silhouettes import judge_silhouettes
+from .twin_recording import TwinRecording
 
 __all__ = ["Case", "Judged", "Plan", "Sample", "judge_pictures", "picture_count", "summarise"]
 
@@ -43,7 +44,7 @@ class Plan:
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 1")
 
-    def indices(self, material: Material) -> list[int]:
+    def indices(self, material: Recording) -> list[int]:
         """The frames whose pictures are judged: every so many, and the last."""
         last = min(self.frames, material.frame_count) - 1
         return sorted({*range(0, last + 1, self.every), last})
@@ -103,7 +104,7 @@ class Judged:
     picture: RenderedPicture
 
 
-def picture_count(material: Material, targets: Sequence[str], plan: Plan) -> int:
+def picture_count(material: Recording, targets: Sequence[str], plan: Plan) -> int:
     """How many pictures `judge_pictures` will yield."""
     return len(plan.indices(material)) * sum(len(run.targets) for run in _runs(material, targets, plan))
 
@@ -118,7 +119,7 @@ class _Run:
     targets: list[str]
 
 
-def _runs(material: Material, targets: Sequence[str], plan: Plan) -> list[_Run]:
+def _runs(material: Recording, targets: Sequence[str], plan: Plan) -> list[_Run]:
     total = len(material.source_names)
     counts = dict.fromkeys(min(count or total, total) for count in plan.views)
     runs: dict[tuple[tuple[str, ...], bool, str], _Run] = {}
@@ -129,7 +130,7 @@ def _runs(material: Material, targets: Sequence[str], plan: Plan) -> list[_Run]:
     return list(runs.values())
 
 
-def judge_pictures(material: Material, targets: Sequence[str], plan: Plan) -> Iterator[Judged]:
+def judge_pictures(material: Recording, targets: Sequence[str], plan: Plan) -> Iterator[Judged]:
     """Play the frames through an engine for each case side by side; yields every judged picture.
 
     Raises ValueError for cameras without ground truth.
@@ -151,7 +152,7 @@ def judge_pictures(material: Material, targets: Sequence[str], plan: Plan) -> It
 class _Player:
     """A run's engine, and the pictures that it rendered last."""
 
-    def __init__(self, material: Material, run: _Run) -> None:
+    def __init__(self, material: Recording, run: _Run) -> None:
         self.material, self.run = material, run
         settings = Settings.preset(run.quality, n_render=len(run.names), background=run.model)
         self.engine = Engine([material.camera(name) for name in run.names], settings, f_vin=material.fps)
@@ -181,7 +182,7 @@ class _Player:
             picture.report.holes_backdrop,
             flicker=_flicker(self.last.get(name), picture, truth),
         )
-        if not isinstance(self.material, TwinMaterial):
+        if not isinstance(self.material, TwinRecording):
             return sample
         fine, model = self.material.fine(name, index), self.engine.model
         edges = judge_silhouettes(fine, picture.texture, picture.disparity)

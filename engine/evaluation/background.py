@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..io.tmiv import Sequence as TmivSequence
+from ..io.recording import Recording
 from ..pipeline.engine import Engine
 from ..rig.texture import to_rgb
 from ..settings import Settings
@@ -33,26 +33,18 @@ class ModelSample:
     holes_backdrop: float
 
 
-def inside_rig(sequence: TmivSequence) -> list[str]:
+def inside_rig(sequence: Recording) -> list[str]:
     """Virtual cameras with ground truth that stand among the source cameras: no farther out than 1.5 times the rig."""
     positions = np.array([sequence.camera(name).pose.position for name in sequence.source_names])
     middle = positions.mean(axis=0)
     reach = 1.5 * float(np.linalg.norm(positions - middle, axis=1).max())
-    truth = [name for name in sequence.cameras if name not in sequence.source_names and _has_truth(sequence, name)]
     return [
-        name for name in truth if np.linalg.norm(sequence.camera(name).pose.position - middle) <= reach
+        name for name in sequence.truth_names if np.linalg.norm(sequence.camera(name).pose.position - middle) <= reach
     ]
 
 
-def _has_truth(sequence: TmivSequence, name: str) -> bool:
-    try:
-        return sequence.video(name, "texture").frame_count > 0
-    except ValueError:
-        return False
-
-
 def compare_model(
-    sequence: TmivSequence, cameras: Sequence[str], frames: int, every: int, quality: str, views: int = 5
+    sequence: Recording, cameras: Sequence[str], frames: int, every: int, quality: str, views: int = 5
 ) -> Iterator[ModelSample]:
     """Play `frames` frames in all modes side by side; sample every `every`-th frame."""
     rig = [sequence.camera(name) for name in sequence.source_names]
@@ -103,7 +95,7 @@ def summarise(samples: Sequence[ModelSample], settled: int) -> list[dict[str, fl
 
 
 def hole_picture(
-    sequence: TmivSequence, camera: str, frame: int, quality: str, views: int
+    sequence: Recording, camera: str, frame: int, quality: str, views: int
 ) -> npt.NDArray[np.uint8]:  # [h, 2 w, 3]
     """A virtual camera at a frame from few views: without the model, beside it with it; holes in light blue."""
     rig, target = [sequence.camera(name) for name in sequence.source_names], sequence.camera(camera, frame)

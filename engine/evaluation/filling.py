@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from ..io.tmiv import Sequence as TmivSequence
+from ..io.recording import Recording
 from ..pipeline.engine import Engine
 from ..settings import Settings
 from ..support.array_types import F64
@@ -40,7 +40,7 @@ class HoleSample:
 
 
 def compare_fills(
-    sequence: TmivSequence, cameras: Sequence[str], frames: Sequence[int], views: int, settings: Settings
+    sequence: Recording, cameras: Sequence[str], frames: Sequence[int], views: int, settings: Settings
 ) -> Iterator[HoleSample]:
     """Play the sequence up to the last of `frames`; a sample a frame, camera and kind where there are holes.
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..io.tmiv import Sequence as TmivSequence
+from ..io.recording import Recording
 from ..pipeline.engine import Engine
 from ..settings import Settings
 
@@ -113,7 +113,7 @@ def measure_flicker(
 
 
 def watch_flicker(
-    sequence: TmivSequence, camera: str, frames: int, settings: Settings, sources: Iterable[str] | None = None
+    sequence: Recording, camera: str, frames: int, settings: Settings, sources: Iterable[str] | None = None
 ) -> Flicker:
     """Play at most `frames` frames for a head that keeps still at a virtual camera with ground truth.
 

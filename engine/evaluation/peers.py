@@ -13,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..io.tmiv import open_sequence
+from ..io.recording import Recording, open_recording
 from ..pipeline.engine import Engine
 from ..settings import Settings
-from .material import Material
 from .metrics import iv_psnr, psnr
 
 __all__ = ["PeerRow", "nearest_views", "peer_rows", "read_peer_table"]
@@ -56,7 +55,7 @@ def read_peer_table(readme: Path) -> list[PeerRow]:
     return rows
 
 
-def nearest_views(sequence: Material, target: str, count: int) -> tuple[str, ...]:
+def nearest_views(sequence: Recording, target: str, count: int) -> tuple[str, ...]:
     """The `count` source views nearest to a camera by position, in the sequence's order."""
     position = np.array(sequence.camera(target).pose.position)
     distance = {
@@ -69,7 +68,7 @@ def nearest_views(sequence: Material, target: str, count: int) -> tuple[str, ...
 def peer_rows(folder: Path, quality: str, background: bool = True) -> Iterator[PeerRow]:
     """Render every case of the folder's table; yields the rows with our figures."""
     for row in read_peer_table(folder / "README.md"):
-        sequence = open_sequence(folder / row.sequence)
+        sequence = open_recording(folder / row.sequence)
         names = nearest_views(sequence, row.target, row.views)
         settings = Settings.preset(quality, n_render=row.views, background=background)
         engine = Engine([sequence.camera(name) for name in names], settings, f_vin=sequence.fps)

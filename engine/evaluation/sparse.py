@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..geometry.completion import complete
-from ..io.tmiv import Sequence as TmivSequence
+from ..io.recording import Recording
 from ..pipeline.engine import Engine
 from ..rig.frame import Frame, View
 from ..settings import Settings
@@ -42,7 +42,7 @@ class SparseSample:
 
 
 def compare_sparse(
-    sequence: TmivSequence, cameras: Sequence[str], frames: Sequence[int], quality: str, views: int = 5, seed: int = 1
+    sequence: Recording, cameras: Sequence[str], frames: Sequence[int], quality: str, views: int = 5, seed: int = 1
 ) -> Iterator[SparseSample]:
     """Render virtual cameras from depth in all modes; frames are taken each by itself, without those before."""
     for index in frames:

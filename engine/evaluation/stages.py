@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from ..background.model import UpdateReport
+from ..io.recording import Recording
 from ..pipeline.engine import BackEndReport, Engine
 from ..rig.camera import Camera, Perspective, Pose
 from ..rig.frame import Frame
@@ -24,7 +25,6 @@ from ..rig.viewer import StereoPicture, StereoView, home_pose
 from ..settings import Settings
 from ..support.runtime import set_thread_count, thread_count
 from ..support.stages import Stages, timed
-from .material import Material
 
 __all__ = ["PHASES", "StageReport", "StageRow", "head_amid", "measure_stages", "one_thread"]
 
@@ -94,7 +94,7 @@ def head_amid(cameras: Sequence[Camera], pose: Pose | None = None) -> StereoView
 
 
 def measure_stages(
-    material: Material, settings: Settings, frames: int, progress: Callable[[], None] = lambda: None
+    material: Recording, settings: Settings, frames: int, progress: Callable[[], None] = lambda: None
 ) -> StageReport:
     """Play some frames and render a pair from each; calls `progress` after each frame, and once before."""
     cameras = [material.camera(name) for name in material.source_names]

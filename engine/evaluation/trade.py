@@ -23,15 +23,16 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from ..io.recording import Recording
 from ..live.governor import LADDER
 from ..pipeline.engine import Engine, Viewer
 from ..rig.frame import Frame, Texture
 from ..rig.texture import decode_jpeg, encode_jpeg
 from ..rig.viewer import RenderedPicture, StereoView
 from ..settings import PER_PICTURE, QUALITIES, Settings
-from .material import Material, TwinMaterial, default_targets
 from .metrics import erp_range, iv_psnr, psnr
 from .stages import head_amid, one_thread
+from .twin_recording import TwinRecording, default_targets
 
 __all__ = ["Plan", "Point", "Row", "Variant", "pareto", "step_count", "summarise", "sweep", "variants"]
 
@@ -99,7 +100,7 @@ class Plan:
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 1")
 
-    def indices(self, material: Material) -> list[int]:
+    def indices(self, material: Recording) -> list[int]:
         """The video frames that are played."""
         return list(range(0, min(self.frames * self.step, material.frame_count), self.step))
 
@@ -187,13 +188,13 @@ def _changed(base: Settings, knob: str, value: object) -> Settings:
     return dataclasses.replace(base, **{knob: value})  # type: ignore[arg-type]
 
 
-def step_count(plan: Plan, material: Material) -> int:
+def step_count(plan: Plan, material: Recording) -> int:
     """How many steps of progress `sweep` makes."""
     return len(plan.indices(material)) + plan.rounds
 
 
 def sweep(
-    material: Material, swept: Sequence[Variant], plan: Plan, progress: Callable[[], None] = lambda: None
+    material: Recording, swept: Sequence[Variant], plan: Plan, progress: Callable[[], None] = lambda: None
 ) -> list[Row]:
     """Play a sequence or twin through all variants side by side; a row for each, in their order.
 
@@ -243,7 +244,7 @@ def _key(settings: Settings) -> Settings:
 class _Sweep:
     """The engines and figures of all variants on a material."""
 
-    def __init__(self, material: Material, swept: Sequence[Variant], plan: Plan) -> None:
+    def __init__(self, material: Recording, swept: Sequence[Variant], plan: Plan) -> None:
         self._material, self._swept = material, swept
         self._viewers, self._truths = _viewers(material)
         cameras = [material.camera(name) for name in material.source_names]
@@ -336,11 +337,11 @@ def _timed(work: Callable[..., T], *arguments: object) -> tuple[T, float]:
     return result, time.process_time() - start
 
 
-def _viewers(material: Material) -> tuple[dict[str, Viewer], Callable[[int], list[Texture]]]:
+def _viewers(material: Recording) -> tuple[dict[str, Viewer], Callable[[int], list[Texture]]]:
     """Who looks, and the truths of a frame in the order of the pictures: in a twin a head where one of its virtual
     cameras is, in a sequence all of those inside the rig."""
     targets = default_targets(material)
-    if not isinstance(material, TwinMaterial):
+    if not isinstance(material, TwinRecording):
         return {name: material.camera(name) for name in targets}, lambda index: [
             material.texture(name, index) for name in targets
         ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
@@ -26,7 +26,6 @@ __all__ = [
     "depth_path",
     "find_video",
     "open_sequence",
-    "playback_index",
     "texture_path",
 ]
 
@@ -57,16 +56,8 @@ def find_video(folder: Path, camera: Camera, kind: Kind) -> RawVideo | None:
     return None
 
 
-def playback_index(index: int, count: int) -> int:
-    """The input frame of output frame `index` of `count` input frames, played to and fro: 0 1 1 0 0 1 ..."""
-    if count < 1 or index < 0:
-        raise ValueError(f"frame: {index!r} of {count!r}: expected a frame of at least one")
-    turn = index % (2 * count)
-    return turn if turn < count else 2 * count - 1 - turn
-
-
 class Sequence:
-    """An opened sequence. Files are mapped, and read when a view is asked for.
+    """An opened sequence, a `Recording`. Files are mapped, and read when a view is asked for.
 
     `cameras` holds every camera of the JSON, virtual ones too (`viewport`). Frame 0 is the files' first.
     """
@@ -86,6 +77,18 @@ class Sequence:
         """Whole frames in the shortest file of the source views; raises TmivError where one is missing."""
         kinds: tuple[Kind, ...] = ("texture", "depth")
         return min(self.video(name, kind).frame_count for name in self.source_names for kind in kinds)
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """Every camera of the JSON, virtual ones too."""
+        return tuple(self.cameras)
+
+    @property
+    def truth_names(self) -> tuple[str, ...]:
+        """The virtual cameras that have a texture file."""
+        virtual = [camera for name, camera in self.cameras.items() if name not in self.source_names]
+        videos = {camera.name: find_video(self.folder, camera, "texture") for camera in virtual}
+        return tuple(name for name, video in videos.items() if video is not None and video.frame_count)
 
     def start_frame(self, count: int) -> int:
         """The file's frame at which a run of `count` frames starts (the JSON's frameRanges)."""
@@ -135,6 +138,12 @@ class Sequence:
         """The source views (or the named ones) of one instant."""
         chosen = self.source_names if names is None else tuple(names)
         return Frame(index, tuple(self.view(name, index) for name in chosen))
+
+    def frames(self, start: int = 0, stop: int | None = None, names: Iterable[str] | None = None) -> Iterator[Frame]:
+        """The frames [start, stop), in order; `stop` None: to the end."""
+        chosen = self.source_names if names is None else tuple(names)
+        for index in range(start, self.frame_count if stop is None else stop):
+            yield self.frame(index, chosen)
 
     def _with_file_bits(self, camera: Camera) -> Camera:
         # The file's name says how its codes are to be read, whatever the JSON says.

@@ -1,4 +1,4 @@
-"""Offline rendering: a sequence played through the engine as the live service would, pictures to files."""
+"""Offline rendering: a recording played through the engine as the live service would, pictures to files."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from ..io.tmiv import Sequence as TmivSequence
-from ..io.tmiv import depth_path, playback_index, texture_path
+from ..io.recording import Playhead, Recording, playback_index
+from ..io.tmiv import depth_path, texture_path
 from ..io.yuv import PixelFormat, from_texture
 from ..rig.camera import Camera
 from ..rig.texture import to_rgb, write_png
@@ -38,7 +38,7 @@ class RenderJob:
     what it would know in a live run.
     """
 
-    sequence: TmivSequence
+    recording: Recording
     sources: tuple[str, ...]
     targets: Targets
     start: int
@@ -51,17 +51,17 @@ class Renderer:
 
     def __init__(self, job: RenderJob, settings: Settings) -> None:
         self.job, self.settings = job, settings
-        cameras = [job.sequence.camera(name, 0) for name in job.sources]
-        self.engine = Engine(cameras, settings, f_vin=job.sequence.fps)
-        self._count = job.sequence.frame_count
-        self._shown: int | None = None
+        cameras = [job.recording.camera(name, 0) for name in job.sources]
+        self.engine = Engine(cameras, settings, f_vin=job.recording.fps)
+        self._count = job.recording.frame_count
+        self._playhead = Playhead(job.recording, job.sources)
 
     def frames(self) -> Iterator[tuple[int, dict[str, RenderedPicture], dict[str, Any]]]:
         """(output frame, pictures by name, report row) for every output frame."""
         job = self.job
         if job.history and self.settings.background:
             for index in range(min(job.start, self._count)):
-                self.engine.update(job.sequence.frame(index, job.sources))
+                self.engine.update(self._playhead.frame(index))
         for index in range(job.start, job.stop):
             viewers = job.targets(index)
             back_end, ingest = self._update(playback_index(index, self._count), viewers)
@@ -72,7 +72,7 @@ class Renderer:
 
     def _update(self, index: int, viewers: dict[str, Viewer]) -> tuple[BackEndReport, float]:
         start = time.perf_counter()
-        frame = self.job.sequence.frame(index, self.job.sources)
+        frame = self._playhead.frame(index)
         ingest = 1e3 * (time.perf_counter() - start)
         return self.engine.update(frame, viewers), ingest
 

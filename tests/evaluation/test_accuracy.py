@@ -14,9 +14,9 @@ from farside.clients.benchmarks.accuracy import make_plan
 from farside.clients.compare import compare
 from farside.engine.evaluation.accuracy import Case, Plan, Sample, judge_pictures, picture_count, summarise
 from farside.engine.evaluation.flicker import measure_flicker
-from farside.engine.evaluation.material import TwinMaterial, default_targets, find_sequences
 from farside.engine.evaluation.metrics import erp_range
 from farside.engine.evaluation.peers import nearest_views
+from farside.engine.evaluation.twin_recording import TwinRecording, default_targets, find_recordings
 from farside.engine.io.tmiv import open_sequence
 from farside.engine.io.yuv import RawVideo
 from farside.engine.pipeline.offline import PictureWriter, Renderer, RenderJob
@@ -49,7 +49,7 @@ def rows(folder):
 def judged():
     """The same pictures of the twin in memory."""
     plan = Plan((VIEWS, 0), qualities=("fast",), frames=2)
-    return list(judge_pictures(TwinMaterial(make_twin(TWIN, SCALE)), TARGETS, plan))
+    return list(judge_pictures(TwinRecording(make_twin(TWIN, SCALE)), TARGETS, plan))
 
 
 def row_of(rows, sample):
@@ -105,7 +105,7 @@ def test_flicker_is_that_of_the_frame_and_the_one_before(judged):
 
 
 def test_a_camera_of_the_rig_is_its_own_view():
-    material = TwinMaterial(make_twin(TWIN, SCALE))
+    material = TwinRecording(make_twin(TWIN, SCALE))
     for own in judge_pictures(material, ["v9"], Plan((1,), qualities=("best",), frames=1)):
         assert own.sample.psnr_y > (45 if own.sample.case.model else 60)
         assert own.sample.ssim > 0.99
@@ -169,7 +169,7 @@ def test_silhouettes_weigh_as_many_as_they_are():
 
 
 def test_plans_and_what_they_refuse(tmp_path):
-    material = TwinMaterial(make_twin(TWIN, SCALE))
+    material = TwinRecording(make_twin(TWIN, SCALE))
     assert default_targets(material) == ["t0", "t1", "t2"]
     plan = make_plan("2,all", False, "fast,best", 30, 7)
     assert plan == Plan((2, 0), (False,), ("fast", "best"), 30, 7)
@@ -179,7 +179,7 @@ def test_plans_and_what_they_refuse(tmp_path):
         with pytest.raises(ValueError, match=r"--views: .*expected numbers"):
             make_plan(text, None, "best", None, None)
     with pytest.raises(ValueError, match="expected a TMIV sequence, or a folder of sequences"):
-        find_sequences([tmp_path])
+        find_recordings([tmp_path])
     with pytest.raises(ValueError, match="nothing to render"):
         bench.command(accuracy=True)
     with pytest.raises(ValueError, match="quality: 'good': expected one of"):

@@ -6,8 +6,8 @@ import json
 
 import pytest
 from farside.clients import bench
-from farside.engine.evaluation.material import TwinMaterial, open_material
 from farside.engine.evaluation.stages import PHASES, head_amid, measure_stages
+from farside.engine.evaluation.twin_recording import TwinRecording, open_recording_or_twin
 from farside.engine.pipeline.engine import Engine
 from farside.engine.rig.camera import Perspective
 from farside.engine.rig.texture import encode_jpeg
@@ -25,7 +25,7 @@ PAIR = {"select", "warp", "backdrop", "shade", "antialias", "fill", "encode", "o
 
 @pytest.fixture(scope="module")
 def report():
-    return measure_stages(TwinMaterial(make_twin(TWIN, SCALE)), SETTINGS, 4)
+    return measure_stages(TwinRecording(make_twin(TWIN, SCALE)), SETTINGS, 4)
 
 
 def test_every_stage_has_its_row_and_parts_do_not_exceed_the_whole(report):
@@ -42,7 +42,7 @@ def test_every_stage_has_its_row_and_parts_do_not_exceed_the_whole(report):
 
 
 def test_the_work_is_that_of_the_engines_reports(report):
-    twin = TwinMaterial(make_twin(TWIN, SCALE))
+    twin = TwinRecording(make_twin(TWIN, SCALE))
     cameras = [twin.camera(name) for name in twin.source_names]
     engine, head = Engine(cameras, SETTINGS, f_vin=twin.fps), head_amid(cameras)
     first = engine.update(twin.frame(0), {"me": head})
@@ -74,7 +74,7 @@ def test_threads_are_as_before_and_stages_have_both_clocks(report):
 
 
 def test_a_head_like_perspective_cameras_has_their_eyes():
-    twin = TwinMaterial(make_twin("painter", 0.05))
+    twin = TwinRecording(make_twin("painter", 0.05))
     camera = twin.camera(twin.source_names[0])
     assert isinstance(camera.projection, Perspective)
     assert head_amid([camera]).left == camera.projection
@@ -94,4 +94,4 @@ def test_a_sequence_on_disk_is_measured_and_reported(tmp_path, capsys):
 
 def test_what_is_neither_a_folder_nor_a_twin_is_named():
     with pytest.raises(ValueError, match="sequence: 'musem': expected a folder, or a twin: museum"):
-        open_material("musem", 1.0)
+        open_recording_or_twin("musem", 1.0)

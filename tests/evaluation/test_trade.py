@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from farside.clients import bench
 from farside.clients.benchmarks import trade as command
-from farside.engine.evaluation.material import TwinMaterial
 from farside.engine.evaluation.trade import KNOBS, MODEL_KNOBS, Plan, Point, pareto, summarise, sweep, variants
 from farside.engine.evaluation.trade_report import fronts, plot_trade, write_report
+from farside.engine.evaluation.twin_recording import TwinRecording
 from farside.engine.live.governor import LADDER
 from farside.engine.settings import QUALITIES, Settings
 from farside.engine.synth import make_twin, write_twin
@@ -27,7 +27,7 @@ def swept():
 
 @pytest.fixture(scope="module")
 def rows(swept):
-    return sweep(TwinMaterial(make_twin("museum", 0.04)), swept, PLAN)
+    return sweep(TwinRecording(make_twin("museum", 0.04)), swept, PLAN)
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +174,7 @@ def test_a_sequence_is_swept_at_its_virtual_cameras_and_the_command_prints_it(tm
 
 
 def test_plans_judge_the_later_half():
-    material = TwinMaterial(make_twin("museum", 0.03))
+    material = TwinRecording(make_twin("museum", 0.03))
     assert Plan(4, 10).indices(material) == [0, 10, 20, 30]
     assert [k for k in range(12) if Plan(judged=3).is_judged(k, 12)] == [6, 8, 11]
     assert [k for k in range(1) if Plan(judged=3).is_judged(k, 1)] == [0]

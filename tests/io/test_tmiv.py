@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from farside.engine.io.pose_trace import read_pose_trace, read_poses, write_poses
-from farside.engine.io.tmiv import SequenceWriter, TmivError, open_sequence, playback_index
+from farside.engine.io.recording import playback_index
+from farside.engine.io.tmiv import SequenceWriter, TmivError, open_sequence
 from farside.engine.io.tmiv_check import check_sequence
 from farside.engine.io.yuv import PixelFormat, RawVideo
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose

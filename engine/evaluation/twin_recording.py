@@ -1,48 +1,30 @@
-"""What is rendered and judged: sequences on disk that have ground truth, and twins made in memory."""
+"""What is rendered and judged: recordings on disk that have ground truth, and twins as recordings in memory."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from ..background.model import BackgroundModel
-from ..io.tmiv import Sequence as TmivSequence
-from ..io.tmiv import open_sequence
+from ..io.recording import Recording, open_recording
 from ..io.tmiv_json import TmivError, find_json
-from ..rig.camera import Camera
+from ..rig.camera import Camera, Pose
 from ..rig.frame import Frame, Texture, View
 from ..synth import FPS, TWINS, Twin, make_twin, render_view, twin_frame
 from .background import inside_rig
 from .ghosts import ghost_pixels, inside_cameras
 from .silhouettes import fine_camera, judge_silhouettes
 
-__all__ = ["Material", "TwinMaterial", "default_targets", "find_sequences", "open_material"]
-
-
-class Material(Protocol):
-    """What can be rendered and judged: an opened sequence with ground truth, or a twin."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102
-    @property
-    def fps(self) -> float: ...  # noqa: D102
-    @property
-    def frame_count(self) -> int: ...  # noqa: D102
-    @property
-    def source_names(self) -> tuple[str, ...]: ...  # noqa: D102
-    def camera(self, name: str, frame: int = 0) -> Camera: ...  # noqa: D102
-    def frame(self, index: int, names: Iterable[str] | None = None) -> Frame: ...  # noqa: D102
-    def texture(self, name: str, frame: int) -> Texture: ...  # noqa: D102
+__all__ = ["TwinRecording", "default_targets", "find_recordings", "open_recording_or_twin"]
 
 
 @dataclass
-class TwinMaterial:
-    """A twin, made frame by frame in memory."""
+class TwinRecording:
+    """A twin as a `Recording`: every frame is rendered in memory when it is read."""
 
     twin: Twin
     fps: float = FPS
@@ -64,13 +46,35 @@ class TwinMaterial:
         """The reference cameras."""
         return self.twin.source_names
 
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """The reference cameras and the virtual ones."""
+        return tuple(camera.name for camera in self.twin.cameras)
+
+    @property
+    def truth_names(self) -> tuple[str, ...]:
+        """The virtual cameras that a written twin has ground truth of."""
+        return self.twin.rig.target_names
+
     def camera(self, name: str, frame: int = 0) -> Camera:
         """A camera with its pose in a frame."""
         return self.twin.camera(name, frame)
 
+    def poses(self, name: str) -> list[Pose] | None:
+        """The poses of a moving camera, one a frame; None for a fixed one."""
+        if name not in self.twin.rig.moving:
+            return None
+        return [self.camera(name, index).pose for index in range(self.frame_count)]
+
     def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
         """All source views, or those named."""
         return twin_frame(self.twin, index, None if names is None else tuple(names))
+
+    def frames(self, start: int = 0, stop: int | None = None, names: Iterable[str] | None = None) -> Iterator[Frame]:
+        """The frames [start, stop), in order; `stop` None: to the end."""
+        chosen = self.source_names if names is None else tuple(names)
+        for index in range(start, self.frame_count if stop is None else stop):
+            yield self.frame(index, chosen)
 
     def texture(self, name: str, frame: int) -> Texture:
         """A camera's ground truth."""
@@ -99,24 +103,24 @@ class TwinMaterial:
         return float(np.mean(nearer & nearer_than_now))
 
 
-def find_sequences(paths: Sequence[Path]) -> list[TmivSequence]:
-    """The sequences in the given folders: each is one, or holds some. ValueError where there is none."""
-    found = []
+def find_recordings(paths: Sequence[Path]) -> list[Recording]:
+    """The recordings in the given folders: each is one, or holds some. ValueError where there is none."""
+    found = list[Recording]()
     for path in paths:
         folders = [path] if _is_sequence(path) else sorted(p for p in path.glob("*/") if _is_sequence(p))
         if not folders:
             raise ValueError(f"{path}: expected a TMIV sequence, or a folder of sequences")
-        found += [open_sequence(folder) for folder in folders]
+        found += [open_recording(folder) for folder in folders]
     return found
 
 
-def open_material(name: str, scale: float) -> Material:
-    """A sequence by its folder, or a twin by its name; ValueError for neither."""
+def open_recording_or_twin(name: str, scale: float) -> Recording:
+    """A recording by its folder, or a twin by its name; ValueError for neither."""
     if name in TWINS:
-        return TwinMaterial(make_twin(name, scale))
+        return TwinRecording(make_twin(name, scale))
     if not Path(name).is_dir():
         raise ValueError(f"sequence: {name!r}: expected a folder, or a twin: {', '.join(TWINS)}")
-    return open_sequence(Path(name))
+    return open_recording(Path(name))
 
 
 def _is_sequence(path: Path) -> bool:
@@ -127,13 +131,12 @@ def _is_sequence(path: Path) -> bool:
     return True
 
 
-def default_targets(material: Material) -> list[str]:
+def default_targets(recording: Recording) -> list[str]:
     """The virtual cameras inside the rig that have ground truth; ValueError where there is none."""
-    if isinstance(material, TwinMaterial):
-        names = [camera.name for camera in inside_cameras(material.twin)]
+    if isinstance(recording, TwinRecording):
+        names = [camera.name for camera in inside_cameras(recording.twin)]
     else:
-        assert isinstance(material, TmivSequence)
-        names = inside_rig(material)
+        names = inside_rig(recording)
     if not names:
-        raise ValueError(f"{material.name}: no virtual camera with ground truth stands inside the rig")
+        raise ValueError(f"{recording.name}: no virtual camera with ground truth stands inside the rig")
     return names
