@@ -16,6 +16,7 @@ from ..kernels.base.tone import IDENTITY
 from ..rig.camera import Camera, Equirectangular, Perspective
 from ..rig.frame import View
 from ..support.lazy import lazy
+from ..support.packed import RADIANS_A_COLUMN, RADIANS_A_ROW
 from .completion import Completed, complete
 from .mesh import Mesh
 from .minification import Level, halved, level_for
@@ -127,7 +128,7 @@ class PreparedView:
         row[view_table.SUBSAMPLED] = 1.0
         row[view_table.PIXEL] = 1.0 / pixels_per_radian(camera)
         if isinstance(camera.projection, Equirectangular):
-            row[view_table.COLUMNS], row[view_table.ROWS] = 1.0 / row[4], 1.0 / row[6]
+            row[view_table.COLUMNS], row[view_table.ROWS] = 1.0 / row[RADIANS_A_COLUMN], 1.0 / row[RADIANS_A_ROW]
         row[view_table.TONE :] = IDENTITY
         return row
 

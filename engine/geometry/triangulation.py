@@ -16,6 +16,7 @@ from ..kernels.geometry import cuts as cut_kernels
 from ..kernels.geometry import splits as split_kernels
 from ..kernels.geometry import triangulate as kernels
 from ..rig.camera import Camera, Perspective
+from ..support.packed import CX, CY, FX, FY, PHI_MAX, RADIANS_A_COLUMN, RADIANS_A_ROW, THETA_MAX
 from .mesh import Mesh
 
 __all__ = ["TriangulationOptions", "Triangulator", "depth_cuts", "triangulate"]
@@ -260,12 +261,12 @@ def _mesh(
     points = np.empty((starts[-1, 0], 3), np.float32)
     uv = np.empty((starts[-1, 0], 2), np.float32)
     triangles = np.empty((starts[-1, 1], 3), np.int32)
-    coding = np.array([camera.depth.offset, camera.depth.step, camera.depth.min_code])
     packed, projection = camera.packed(origin), camera.projection
     mirrored = isinstance(projection, Perspective) and projection.fx * projection.fy < 0
     kernels.emit_triangles(
-        codes, flags, splits, states, wraps, parts, used, starts, coding, packed, *_directions(camera, packed),
-        2 if mirrored else 1, points, uv, triangles, remade, before.starts, before.points, before.uv, before.triangles,
+        codes, flags, splits, states, wraps, parts, used, starts, camera.depth.packed(), packed,
+        *_directions(camera, packed), 2 if mirrored else 1, points, uv, triangles,
+        remade, before.starts, before.points, before.uv, before.triangles,
     )  # fmt: skip
     return Mesh(points, uv, triangles, starts)
 
@@ -281,9 +282,9 @@ def _directions(
     """Directions of half pixels, across [2 w + 1, 2] and down [2 h - 1, 2] (see `kernels.emit_triangles`)."""
     u, v = 0.5 * np.arange(2 * camera.width + 1) + 0.5, 0.5 * np.arange(2 * camera.height - 1) + 0.5
     if isinstance(camera.projection, Perspective):
-        across = np.stack([np.ones_like(u), (packed[5] - u) / packed[3]], axis=-1)
-        return across, np.stack([np.ones_like(v), (packed[6] - v) / packed[4]], axis=-1)
-    phi, theta = packed[3] - u * packed[4], packed[5] - v * packed[6]
+        across = np.stack([np.ones_like(u), (packed[CX] - u) / packed[FX]], axis=-1)
+        return across, np.stack([np.ones_like(v), (packed[CY] - v) / packed[FY]], axis=-1)
+    phi, theta = packed[PHI_MAX] - u * packed[RADIANS_A_COLUMN], packed[THETA_MAX] - v * packed[RADIANS_A_ROW]
     across, down = (np.stack([np.cos(angle), np.sin(angle)], axis=-1) for angle in (phi, theta))
     return across, down
 

@@ -17,6 +17,7 @@ from ..kernels.rendering import backdrop as backdrop_kernels
 from ..kernels.rendering import fill as fill_kernels
 from ..kernels.rendering import tiles as tile_kernels
 from ..rig.frame import Texture
+from ..support.packed import POSITION_SLICE
 from .rasteriser import Rasteriser
 from .target import Target
 from .tiles import EVERYWHERE, HoleMap, Tiles, new_tiles
@@ -175,7 +176,7 @@ class Canvas:
 
 def _others(present: ViewTable, drawn: Sequence[int], target: Target) -> npt.NDArray[np.int64]:
     """Rows of the views that are not drawn, those nearest to the virtual camera first; as many as have a number."""
-    distance = np.linalg.norm(present.rows[:, 16:19] - target.packed[16:19], axis=1)
+    distance = np.linalg.norm(present.rows[:, POSITION_SLICE] - target.packed[POSITION_SLICE], axis=1)
     distance[list(drawn)] = np.inf
     numbered = np.iinfo(np.uint8).max - len(drawn)
     order: npt.NDArray[np.int64] = np.argsort(distance, kind="stable")[: len(distance) - len(drawn)]

@@ -16,7 +16,18 @@ import numpy as np
 import numpy.typing as npt
 
 from ..support.array_types import F64
-from ..support.packed import CAMERA_SIZE, EQUIRECTANGULAR, PERSPECTIVE
+from ..support.packed import (
+    CAMERA_SIZE,
+    EQUIRECTANGULAR,
+    HEIGHT,
+    KIND,
+    PERSPECTIVE,
+    POSITION_SLICE,
+    PROJECTION_SLICE,
+    ROTATION_SLICE,
+    WIDTH,
+    WRAPS,
+)
 from .depth import DepthCoding
 
 __all__ = ["Camera", "Equirectangular", "Perspective", "Pose", "Projection"]
@@ -247,24 +258,24 @@ class Camera:
         return isinstance(self.projection, Equirectangular) and self.projection.wraps
 
     def packed(self, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> F64:  # [CAMERA_SIZE]
-        """The camera as kernels read it (layout: `kernels.base.project`), positions relative to `origin`, metres."""
+        """The camera as kernels read it (layout: `support.packed`), positions relative to `origin`, metres."""
         out = np.zeros(CAMERA_SIZE)
         p = self.projection
-        out[1], out[2] = p.width, p.height
+        out[WIDTH], out[HEIGHT] = p.width, p.height
         if isinstance(p, Perspective):
-            out[0] = PERSPECTIVE
-            out[3:7] = p.fx, p.fy, p.cx, p.cy
+            out[KIND] = PERSPECTIVE
+            out[PROJECTION_SLICE] = p.fx, p.fy, p.cx, p.cy
         else:
-            out[0] = EQUIRECTANGULAR
-            out[3:7] = (
+            out[KIND] = EQUIRECTANGULAR
+            out[PROJECTION_SLICE] = (
                 p.hor_range[1],
                 (p.hor_range[1] - p.hor_range[0]) / p.width,
                 p.ver_range[1],
                 (p.ver_range[1] - p.ver_range[0]) / p.height,
             )
-            out[19] = p.wraps
-        out[7:16] = self.pose.rotation().ravel()
-        out[16:19] = np.asarray(self.pose.position, np.float64) - np.asarray(origin, np.float64)
+            out[WRAPS] = p.wraps
+        out[ROTATION_SLICE] = self.pose.rotation().ravel()
+        out[POSITION_SLICE] = np.asarray(self.pose.position, np.float64) - np.asarray(origin, np.float64)
         return out
 
 

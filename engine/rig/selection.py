@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..support.array_types import F64
-from ..support.packed import PERSPECTIVE
+from ..support.packed import HEIGHT, KIND, PERSPECTIVE, POSITION_SLICE, PROJECTION_SLICE, ROTATION_SLICE, WIDTH
 from .camera import Camera
 
 __all__ = ["likely_views", "select_views", "view_shares"]
@@ -53,7 +53,7 @@ def likely_views(target: Camera, packed: F64, count: int, depths: Sequence[float
     how near they are. In order of their indices: among equals the first is chosen.
     """
     inside, angle = _looks(target, packed, _on_rays(target, depths, _COARSE))
-    away = np.linalg.norm(packed[:, 16:19] - target.pose.position, axis=1)
+    away = np.linalg.norm(packed[:, POSITION_SLICE] - target.pose.position, axis=1)
     order = np.lexsort((away, -_worth_at(inside, angle).sum(axis=1)))
     return sorted(order[:count].tolist())
 
@@ -88,7 +88,7 @@ def _seen(
 ) -> tuple[npt.NDArray[np.bool_], F64]:
     """Which cameras see points on the target's rays, and the angle between both rays, radians [cameras, samples]."""
     points, packed = _on_rays(target, depths), _packed(cameras)
-    inside = _inside(packed, points - packed[:, None, 16:19])
+    inside = _inside(packed, points - packed[:, None, POSITION_SLICE])
     if inside.any(axis=0).mean() < _FEW:
         points = np.concatenate([_on_rays(camera, depths) for camera in cameras])
         points = points[_inside(target.packed()[None], (points - target.pose.position)[None])[0]]
@@ -98,7 +98,7 @@ def _seen(
 
 def _looks(target: Camera, packed: F64, points: F64) -> tuple[npt.NDArray[np.bool_], F64]:
     """Which packed cameras see points [samples, 3], and the angle between their and the target's rays, radians."""
-    to_points, from_target = points - packed[:, None, 16:19], points - np.asarray(target.pose.position)
+    to_points, from_target = points - packed[:, None, POSITION_SLICE], points - np.asarray(target.pose.position)
     inside = _inside(packed, to_points)
     lengths = np.linalg.norm(from_target, axis=-1) * np.linalg.norm(to_points, axis=-1)
     cosine = np.einsum("csk,sk->cs", to_points, from_target) / np.maximum(lengths, 1e-300)
@@ -121,14 +121,15 @@ def _packed(cameras: tuple[Camera, ...]) -> F64:  # [cameras, CAMERA_SIZE]
 def _inside(cameras: F64, to_points: F64) -> npt.NDArray[np.bool_]:
     """Whether points, given relative to each packed camera [cameras, samples, 3], fall into its picture."""
     packed = cameras[:, None]
-    local = to_points @ cameras[:, 7:16].reshape(-1, 3, 3)
+    local = to_points @ cameras[:, ROTATION_SLICE].reshape(-1, 3, 3)
     x, y, z = np.moveaxis(local, -1, 0)
-    width, height, p3, p4, p5, p6 = np.moveaxis(packed[:, :, 1:7], -1, 0)
-    flat = packed[:, :, 0] == PERSPECTIVE
+    width, height, flat = packed[..., WIDTH], packed[..., HEIGHT], packed[..., KIND] == PERSPECTIVE
+    fx, fy, cx, cy = np.moveaxis(packed[..., PROJECTION_SLICE], -1, 0)
+    phi_max, radians_a_column, theta_max, radians_a_row = fx, fy, cx, cy  # of an equirectangular camera
     with np.errstate(divide="ignore", invalid="ignore"):
-        middle = 0.5 * width * p4
-        azimuth = (p3 - np.arctan2(y, x) - middle + math.pi) % (2 * math.pi) - math.pi + middle
-        u = np.where(flat, p5 - p3 * y / x, azimuth / p4)
-        v = np.where(flat, p6 - p4 * z / x, (p5 - np.arctan2(z, np.hypot(x, y))) / p6)
+        middle = 0.5 * width * radians_a_column
+        azimuth = (phi_max - np.arctan2(y, x) - middle + math.pi) % (2 * math.pi) - math.pi + middle
+        u = np.where(flat, cx - fx * y / x, azimuth / radians_a_column)
+        v = np.where(flat, cy - fy * z / x, (theta_max - np.arctan2(z, np.hypot(x, y))) / radians_a_row)
         inside: npt.NDArray[np.bool_] = (u >= 0) & (v >= 0) & (u <= width) & (v <= height) & (~flat | (x > 0))
     return inside

@@ -166,12 +166,10 @@ def _trace(
     first: int,
 ) -> None:
     parts, groups = packed
-    depth = view.camera.depth
-    coding = np.array([depth.offset, depth.step, depth.min_code, depth.max_code])
     texture = view.texture
     trace_picture(
         view.camera.packed(),
-        coding,
+        view.camera.depth.packed(),
         parts,
         groups,
         first,

@@ -10,6 +10,7 @@ from farside.engine.background.pbs import ProbableBackgroundSurface
 from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.triangulation import TriangulationOptions
+from farside.engine.kernels.base import view_table
 from farside.engine.kernels.base.project import project_point, unproject_point
 from farside.engine.kernels.base.simd import LANES, load, store
 from farside.engine.kernels.evaluation.leaks import farthest_distances
@@ -203,7 +204,7 @@ def test_what_a_view_shows_is_the_slow_twins(projection, orientation, seed, scal
     row = table.rows[0]
     for i in range(LANES):
         share, luma, (u, v), margin = slow_look.look(
-            view, prepared.cuts, row[24], row[23], eye, uv[i], float(q[i])
+            view, prepared.cuts, row[view_table.EDGE], row[view_table.TOLERANCE], eye, uv[i], float(q[i])
         )
         # Angles within 3e-7, lengths in single precision, both as far as the picture stretches them.
         finer = max(abs(projection.fx), abs(projection.fy)) if isinstance(projection, Perspective) else max(

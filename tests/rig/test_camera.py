@@ -10,6 +10,7 @@ import pytest
 from farside.engine.kernels.base.project import arc_tangent, cosine_sine, project_point, unproject_point
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose, Projection
 from farside.engine.rig.depth import DepthCoding
+from farside.engine.support.packed import POSITION_SLICE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -197,7 +198,7 @@ def test_translated_moves_along_own_axes() -> None:
 def test_far_from_the_origin_kernels_keep_their_precision() -> None:
     camera = Camera("v", FULL, Pose((1e6, -1e6, 5.0)), CODING)
     packed = camera.packed((1e6, -1e6, 0.0))
-    np.testing.assert_array_equal(packed[16:19], (0.0, 0.0, 5.0))
+    np.testing.assert_array_equal(packed[POSITION_SLICE], (0.0, 0.0, 5.0))
 
 
 @pytest.mark.parametrize(

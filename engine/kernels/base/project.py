@@ -10,12 +10,40 @@ import math
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from ...support.array_types import F64
-from ...support.packed import CAMERA_SIZE, PERSPECTIVE
+from ...support.packed import (
+    CAMERA_SIZE,
+    CX,
+    CY,
+    FORWARD_X,
+    FORWARD_Y,
+    FORWARD_Z,
+    FX,
+    FY,
+    KIND,
+    LEFT_X,
+    LEFT_Y,
+    LEFT_Z,
+    PERSPECTIVE,
+    PHI_MAX,
+    POSITION_X,
+    POSITION_Y,
+    POSITION_Z,
+    RADIANS_A_COLUMN,
+    RADIANS_A_ROW,
+    THETA_MAX,
+    UP_X,
+    UP_Y,
+    UP_Z,
+    WIDTH,
+)
 from .jit import inlined, serial
 
 __all__ = [
     "arc_tangent",
     "cosine_sine",
+    "direction_in_world",
+    "point_in_camera",
+    "position",
     "project_pixels",
     "project_point",
     "unproject_point",
@@ -58,22 +86,46 @@ def cosine_sine(angle: float) -> tuple[float, float]:
 
 
 @inlined
+def position(camera: F64) -> tuple[float, float, float]:
+    """Where a camera is, relative to the scene origin, metres."""
+    return camera[POSITION_X], camera[POSITION_Y], camera[POSITION_Z]
+
+
+@inlined
+def point_in_camera(camera: F64, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A point relative to the scene origin -> its coordinates in a camera's axes (forward, left, up)."""
+    dx, dy, dz = x - camera[POSITION_X], y - camera[POSITION_Y], z - camera[POSITION_Z]
+    return (
+        camera[FORWARD_X] * dx + camera[FORWARD_Y] * dy + camera[FORWARD_Z] * dz,
+        camera[LEFT_X] * dx + camera[LEFT_Y] * dy + camera[LEFT_Z] * dz,
+        camera[UP_X] * dx + camera[UP_Y] * dy + camera[UP_Z] * dz,
+    )
+
+
+@inlined
+def direction_in_world(camera: F64, forward: float, left: float, up: float) -> tuple[float, float, float]:
+    """A direction in a camera's axes -> the same in the world's."""
+    return (
+        camera[FORWARD_X] * forward + camera[LEFT_X] * left + camera[UP_X] * up,
+        camera[FORWARD_Y] * forward + camera[LEFT_Y] * left + camera[UP_Y] * up,
+        camera[FORWARD_Z] * forward + camera[LEFT_Z] * left + camera[UP_Z] * up,
+    )
+
+
+@inlined
 def project_point(camera: F64, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A point relative to the scene origin -> (u, v, depth); depth <= 0 means behind a perspective camera."""
-    dx, dy, dz = x - camera[16], y - camera[17], z - camera[18]
-    cx = camera[7] * dx + camera[10] * dy + camera[13] * dz
-    cy = camera[8] * dx + camera[11] * dy + camera[14] * dz
-    cz = camera[9] * dx + camera[12] * dy + camera[15] * dz
-    if camera[0] == PERSPECTIVE:
+    cx, cy, cz = point_in_camera(camera, x, y, z)
+    if camera[KIND] == PERSPECTIVE:
         inverse = 1.0 / cx
-        u, v, depth = camera[5] - camera[3] * cy * inverse, camera[6] - camera[4] * cz * inverse, cx
+        u, v, depth = camera[CX] - camera[FX] * cy * inverse, camera[CY] - camera[FY] * cz * inverse, cx
     else:
         square = cx * cx + cy * cy
-        u = (camera[3] - arc_tangent(cy, cx)) / camera[4]
+        u = (camera[PHI_MAX] - arc_tangent(cy, cx)) / camera[RADIANS_A_COLUMN]
         # The azimuth is known up to a turn: take the one nearest to the picture's middle.
-        turn = 2.0 * math.pi / camera[4]
-        u -= turn * math.floor((u - 0.5 * camera[1]) / turn + 0.5)
-        v = (camera[5] - arc_tangent(cz, math.sqrt(square))) / camera[6]
+        turn = 2.0 * math.pi / camera[RADIANS_A_COLUMN]
+        u -= turn * math.floor((u - 0.5 * camera[WIDTH]) / turn + 0.5)
+        v = (camera[THETA_MAX] - arc_tangent(cz, math.sqrt(square))) / camera[RADIANS_A_ROW]
         depth = math.sqrt(square + cz * cz)
     return u, v, depth
 
@@ -81,19 +133,15 @@ def project_point(camera: F64, x: float, y: float, z: float) -> tuple[float, flo
 @inlined
 def unproject_point(camera: F64, u: float, v: float, depth: float) -> tuple[float, float, float]:
     """Pixel coordinates and depth -> the point relative to the scene origin."""
-    if camera[0] == PERSPECTIVE:
-        cx, cy, cz = 1.0, (camera[5] - u) / camera[3], (camera[6] - v) / camera[4]
+    if camera[KIND] == PERSPECTIVE:
+        cx, cy, cz = 1.0, (camera[CX] - u) / camera[FX], (camera[CY] - v) / camera[FY]
     else:
-        phi, theta = camera[3] - u * camera[4], camera[5] - v * camera[6]
+        phi, theta = camera[PHI_MAX] - u * camera[RADIANS_A_COLUMN], camera[THETA_MAX] - v * camera[RADIANS_A_ROW]
         planar, cz = cosine_sine(theta)
         cx, cy = cosine_sine(phi)
         cx, cy = planar * cx, planar * cy
-    cx, cy, cz = cx * depth, cy * depth, cz * depth
-    return (
-        camera[7] * cx + camera[8] * cy + camera[9] * cz + camera[16],
-        camera[10] * cx + camera[11] * cy + camera[12] * cz + camera[17],
-        camera[13] * cx + camera[14] * cy + camera[15] * cz + camera[18],
-    )
+    x, y, z = direction_in_world(camera, cx * depth, cy * depth, cz * depth)
+    return x + camera[POSITION_X], y + camera[POSITION_Y], z + camera[POSITION_Z]
 
 
 @serial(fastmath={"contract", "nnan", "nsz"})
@@ -102,7 +150,7 @@ def project_pixels(camera: F64, other: F64, pixels: F64, images: F64, count: int
 
     Tuples, unlike arrays, keep what is the same for all pixels in registers: this compiles to vector instructions.
     """
-    own, there = to_fixed_tuple(camera, CAMERA_SIZE), to_fixed_tuple(other, CAMERA_SIZE)
+    first, second = to_fixed_tuple(camera, CAMERA_SIZE), to_fixed_tuple(other, CAMERA_SIZE)
     for i in range(count):
-        x, y, z = unproject_point(own, pixels[0, i], pixels[1, i], 1.0 / pixels[2, i])
-        images[0, i], images[1, i], images[2, i] = project_point(there, x, y, z)
+        x, y, z = unproject_point(first, pixels[0, i], pixels[1, i], 1.0 / pixels[2, i])
+        images[0, i], images[1, i], images[2, i] = project_point(second, x, y, z)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ...support.array_types import F64
+from ...support.packed import HEIGHT, WIDTH
 from .jit import inlined
 from .project import project_point
 from .tolerance import Delta, delta_at
@@ -17,10 +18,10 @@ def _image(row: F64, x: float, y: float, z: float, delta: Delta) -> tuple[int, f
     -1 where there are none, or where the view is nearer than that."""
     u, v, depth = project_point(row, x, y, z)
     margin = delta_at(delta, depth)
-    if not (depth > margin and u >= 0.5 and v >= 0.5 and u <= row[1] - 0.5 and v <= row[2] - 0.5):
+    if not (depth > margin and u >= 0.5 and v >= 0.5 and u <= row[WIDTH] - 0.5 and v <= row[HEIGHT] - 0.5):
         return -1, depth, margin
-    ix, iy = min(int(u - 0.5), int(row[1]) - 2), min(int(v - 0.5), int(row[2]) - 2)
-    return (iy * int(row[1]) + ix if ix >= 0 and iy >= 0 else -1), depth, margin
+    ix, iy = min(int(u - 0.5), int(row[WIDTH]) - 2), min(int(v - 0.5), int(row[HEIGHT]) - 2)
+    return (iy * int(row[WIDTH]) + ix if ix >= 0 and iy >= 0 else -1), depth, margin
 
 
 @inlined
@@ -35,7 +36,7 @@ def looks_through(row: F64, codes: int, x: float, y: float, z: float, delta: Del
     limit = (1.0 / (depth + margin) - row[OFFSET]) / row[STEP]
     farther = 0
     for k in range(4):
-        code = load_texel(codes, at + (k & 1) + (k >> 1) * int(row[1]))
+        code = load_texel(codes, at + (k & 1) + (k >> 1) * int(row[WIDTH]))
         farther += code < limit and not (code == 0 and row[INVALID] > 0.0)
     return farther >= texels
 
@@ -51,7 +52,7 @@ def shows(row: F64, codes: int, x: float, y: float, z: float, delta: Delta) -> b
         return False
     lowest, highest = 65535, 0
     for k in range(4):
-        code = load_texel(codes, at + (k & 1) + (k >> 1) * int(row[1]))
+        code = load_texel(codes, at + (k & 1) + (k >> 1) * int(row[WIDTH]))
         lowest, highest = min(lowest, code), max(highest, code)
     if highest - lowest > row[EDGE] or (lowest == 0 and row[INVALID] > 0.0):
         return False

@@ -1,7 +1,7 @@
 """Tone: an affine change of colour codes, luma by itself and each chroma with some of the luma.
 
 A packed tone is float64 [TONE_SIZE] over 10-bit codes:
-y' = t[0] y + t[1], cb' = t[2] cb + t[3] y + t[4], cr' = t[5] cr + t[6] y + t[7].
+y' = Y_GAIN y + Y_OFFSET, cb' = CB_GAIN cb + CB_FROM_Y y + CB_OFFSET, cr' = CR_GAIN cr + CR_FROM_Y y + CR_OFFSET.
 """
 
 from __future__ import annotations
@@ -12,8 +12,25 @@ import numpy as np
 from ...support.array_types import F64, U16
 from .jit import inlined, parallel
 
-__all__ = ["IDENTITY", "LARGEST", "TONE_SIZE", "mean_luma", "tone_picture", "toned", "toned_code"]
+__all__ = [
+    "CB_FROM_Y",
+    "CB_GAIN",
+    "CB_OFFSET",
+    "CR_FROM_Y",
+    "CR_GAIN",
+    "CR_OFFSET",
+    "IDENTITY",
+    "LARGEST",
+    "TONE_SIZE",
+    "Y_GAIN",
+    "Y_OFFSET",
+    "mean_luma",
+    "tone_picture",
+    "toned",
+    "toned_code",
+]
 
+Y_GAIN, Y_OFFSET, CB_GAIN, CB_FROM_Y, CB_OFFSET, CR_GAIN, CR_FROM_Y, CR_OFFSET = range(8)
 TONE_SIZE = 8
 IDENTITY = (1.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 LARGEST = 1023.0  # code
@@ -22,7 +39,11 @@ LARGEST = 1023.0  # code
 @inlined
 def toned(tone: F64, y: float, cb: float, cr: float) -> tuple[float, float, float]:
     """A colour in another tone, not limited to what codes can hold."""
-    return tone[0] * y + tone[1], tone[2] * cb + tone[3] * y + tone[4], tone[5] * cr + tone[6] * y + tone[7]
+    return (
+        tone[Y_GAIN] * y + tone[Y_OFFSET],
+        tone[CB_GAIN] * cb + tone[CB_FROM_Y] * y + tone[CB_OFFSET],
+        tone[CR_GAIN] * cr + tone[CR_FROM_Y] * y + tone[CR_OFFSET],
+    )
 
 
 @inlined
@@ -45,8 +66,8 @@ def tone_picture(tone: F64, y: U16, cb: U16, cr: U16, out_y: U16, out_cb: U16, o
     for pair in numba.prange((h + 1) // 2):
         for x in range((w + 1) // 2):
             luma = mean_luma(y, 2 * np.int64(pair), 2 * x)
-            out_cb[pair, x] = toned_code(tone[2], cb[pair, x], tone[3] * luma + tone[4])
-            out_cr[pair, x] = toned_code(tone[5], cr[pair, x], tone[6] * luma + tone[7])
+            out_cb[pair, x] = toned_code(tone[CB_GAIN], cb[pair, x], tone[CB_FROM_Y] * luma + tone[CB_OFFSET])
+            out_cr[pair, x] = toned_code(tone[CR_GAIN], cr[pair, x], tone[CR_FROM_Y] * luma + tone[CR_OFFSET])
         for row in range(2 * np.int64(pair), min(2 * np.int64(pair) + 2, h)):
             for x in range(w):
-                out_y[row, x] = toned_code(tone[0], y[row, x], tone[1])
+                out_y[row, x] = toned_code(tone[Y_GAIN], y[row, x], tone[Y_OFFSET])

@@ -12,8 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ...support.array_types import F32, F64, I32, I64, U8, U16
+from ...support.packed import Coding
 from ..base import lanes
 from ..base.jit import inlined, parallel, serial
+from ..base.project import direction_in_world, position
 from .cuts import CUT_DOWN, CUT_RIGHT, KEPT, VALID
 from .splits import BLOCK, EMPTY, EVEN, MIXED, ODD, PLAIN, SIDE
 
@@ -245,24 +247,14 @@ def count_triangles(
                 counts[b, 1] += 2 * quarters
 
 
-@inlined
-def _turned(camera: F64, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """A direction in the camera's axes in the world's."""
-    return (
-        camera[7] * x + camera[8] * y + camera[9] * z,
-        camera[10] * x + camera[11] * y + camera[12] * z,
-        camera[13] * x + camera[14] * y + camera[15] * z,
-    )
-
-
 @serial(fastmath={"contract"})
 def _write_used(
-    codes: U16, x0: int, y0: int, used: I64, coding: F64, camera: F64, across: F64, down: F64,
+    codes: U16, x0: int, y0: int, used: I64, coding: Coding, camera: F64, across: F64, down: F64,
     points: F32, uv: F32, numbers: I32, at: int,
 ) -> int:  # fmt: skip
     """The block's grid vertices; numbers [33]: of each row's first one."""
-    w, (offset, step, least) = codes.shape[1], (coding[0], coding[1], int(coding[2]))
-    ox, oy, oz = camera[16], camera[17], camera[18]
+    w, (offset, step, least) = codes.shape[1], (coding.offset, coding.step, coding.min_code)
+    ox, oy, oz = position(camera)
     for y in range(SIDE):
         numbers[y] = at
         word = used[y]
@@ -270,9 +262,9 @@ def _write_used(
             continue
         v = y0 + y
         planar, rise = down[2 * v, 0], down[2 * v, 1]
-        ax, ay, az = _turned(camera, planar, 0.0, 0.0)
-        bx, by, bz = _turned(camera, 0.0, planar, 0.0)
-        cx, cy, cz = _turned(camera, 0.0, 0.0, rise)
+        ax, ay, az = direction_in_world(camera, planar, 0.0, 0.0)
+        bx, by, bz = direction_in_world(camera, 0.0, planar, 0.0)
+        cx, cy, cz = direction_in_world(camera, 0.0, 0.0, rise)
         while word != 0:
             x = x0 + lanes.lowest(word)
             word &= word - 1
@@ -293,16 +285,17 @@ def _write_point(
 ) -> None:
     """A vertex at a place of the picture in half pixels from the first pixel's centre."""
     planar = down[twice_v, 0] * depth
-    x, y, z = _turned(
+    x, y, z = direction_in_world(
         camera, planar * across[twice_u, 0], planar * across[twice_u, 1], down[twice_v, 1] * depth
     )
-    points[at, 0], points[at, 1], points[at, 2] = x + camera[16], y + camera[17], z + camera[18]
+    ox, oy, oz = position(camera)
+    points[at, 0], points[at, 1], points[at, 2] = x + ox, y + oy, z + oz
     uv[at, 0], uv[at, 1] = 0.5 * twice_u + 0.5, 0.5 * twice_v + 0.5
 
 
 @serial
 def _write_rims(
-    codes: U16, x0: int, y0: int, bits: I64, columns: int, rows: int, coding: F64, camera: F64,
+    codes: U16, x0: int, y0: int, bits: I64, columns: int, rows: int, coding: Coding, camera: F64,
     across: F64, down: F64, second: int, points: F32, uv: F32, triangles: I32, v: int, t: int,
 ) -> None:  # fmt: skip
     """In quads that a depth edge crosses every valid corner keeps its quarter, and so a pixel its square.
@@ -310,7 +303,7 @@ def _write_rims(
     Depth goes half way to a neighbour on the same surface.
     """
     w = codes.shape[1]
-    least = int(coding[2])
+    least = coding.min_code
     for y in range(rows - 1):
         crossed = _cut_quads(bits, y, columns)
         for k in range(4 if crossed != 0 else 0):
@@ -329,7 +322,7 @@ def _write_rims(
                 for corner in range(4):
                     right, lower = corner & 1, corner >> 1
                     other = other_x if right and (side or not lower) else (other_y if lower else own)
-                    depth = 1.0 / (coding[0] + coding[1] * 0.5 * (own + other))
+                    depth = 1.0 / (coding.offset + coding.step * 0.5 * (own + other))
                     _write_point(
                         camera, across, down, 2 * px + sx * right, 2 * py + sy * lower, depth, points, uv, v + corner
                     )
@@ -360,12 +353,12 @@ def _copy_block(
 @parallel
 def emit_triangles(
     codes: U16, flags: U8, splits: I64, states: U8, wraps: bool, parts: int, used: I64, starts: I64,
-    coding: F64, camera: F64, across: F64, down: F64, second: int, points: F32, uv: F32, triangles: I32,
+    coding: Coding, camera: F64, across: F64, down: F64, second: int, points: F32, uv: F32, triangles: I32,
     remade: U8, old_starts: I64, old_points: F32, old_uv: F32, old_triangles: I32,
 ) -> None:  # fmt: skip
     """Fill points [n, 3] relative to the scene origin, uv [n, 2] and triangles [m, 3] of what was counted.
 
-    coding: disparity of code 0 and of a step, and the least code. across [2 w + 1, 2] and down [2 h - 1, 2] tell the
+    across [2 w + 1, 2] and down [2 h - 1, 2] tell the
     direction of places half a pixel apart, from the first pixel's centre, in the camera's axes: it is
     (down[., 0] * across[., 0], down[., 0] * across[., 1], down[., 1]). second: 1, or 2 to wind triangles the other way.
     Blocks that are not remade [rows, columns] are copied from an older mesh.

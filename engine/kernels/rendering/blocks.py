@@ -8,8 +8,9 @@ import numba
 import numpy as np
 
 from ...support.array_types import F32, F64, I64, U8
-from ...support.packed import PERSPECTIVE
+from ...support.packed import CX, CY, FX, FY, HEIGHT, KIND, PERSPECTIVE, WIDTH
 from ..base.jit import inlined, inlined_late, parallel, serial
+from ..base.project import point_in_camera
 from ..base.simd import LANES, Truths, gather_floats, lane_numbers, store_byte_where, to_integers
 from .tiles import TILE
 
@@ -38,12 +39,12 @@ def bound_blocks(points: F32, starts: I64, spheres: F32) -> None:
 @inlined
 def _sphere_touches_hole(camera: F64, tiles: U8, x: float, y: float, z: float, r: float) -> bool:
     """Whether the box round a sphere's picture touches a marked tile; the sphere lies before the eye."""
-    width, height = int(camera[1]), int(camera[2])
+    width, height = int(camera[WIDTH]), int(camera[HEIGHT])
     u_low, u_high, v_low, v_high = math.inf, -math.inf, math.inf, -math.inf
     for k in range(4):
         inverse = 1.0 / (x - r if k & 1 else x + r)
         side = -r if k & 2 else r
-        u, v = camera[5] - camera[3] * (y + side) * inverse, camera[6] - camera[4] * (z + side) * inverse
+        u, v = camera[CX] - camera[FX] * (y + side) * inverse, camera[CY] - camera[FY] * (z + side) * inverse
         u_low, u_high = min(u_low, u), max(u_high, u)
         v_low, v_high = min(v_low, v), max(v_high, v)
     if u_high < 0.0 or v_high < 0.0 or u_low > width or v_low > height:
@@ -64,24 +65,21 @@ def visible_blocks(spheres: F32, camera: F64, near: float, tiles: U8, visible: I
     Unless `tiles` is empty, only those that touch a marked tile.
     """
     count = 0
-    perspective = camera[0] == PERSPECTIVE
-    fx, fy, cx, cy = camera[3], camera[4], camera[5], camera[6]
+    perspective = camera[KIND] == PERSPECTIVE
+    fx, fy, cx, cy = camera[FX], camera[FY], camera[CX], camera[CY]
     for b in range(spheres.shape[0]):
         r = float(spheres[b, 3])
         if r < 0.0:
             continue
         if perspective:
-            dx, dy, dz = spheres[b, 0] - camera[16], spheres[b, 1] - camera[17], spheres[b, 2] - camera[18]
-            x = camera[7] * dx + camera[10] * dy + camera[13] * dz
-            y = camera[8] * dx + camera[11] * dy + camera[14] * dz
-            z = camera[9] * dx + camera[12] * dy + camera[15] * dz
+            x, y, z = point_in_camera(camera, spheres[b, 0], spheres[b, 1], spheres[b, 2])
             if x + r < near:
                 continue
             # Distances to the planes u = 0, u = w, v = 0, v = h, positive inside.
             left = (cx * x - fx * y) / math.hypot(cx, fx)
-            right = ((camera[1] - cx) * x + fx * y) / math.hypot(camera[1] - cx, fx)
+            right = ((camera[WIDTH] - cx) * x + fx * y) / math.hypot(camera[WIDTH] - cx, fx)
             top = (cy * x - fy * z) / math.hypot(cy, fy)
-            bottom = ((camera[2] - cy) * x + fy * z) / math.hypot(camera[2] - cy, fy)
+            bottom = ((camera[HEIGHT] - cy) * x + fy * z) / math.hypot(camera[HEIGHT] - cy, fy)
             if min(min(left, right), min(top, bottom)) < -r:
                 continue
             if tiles.size > 0 and x - r > near and not _sphere_touches_hole(camera, tiles, x, y, z, r):
@@ -94,18 +92,15 @@ def visible_blocks(spheres: F32, camera: F64, near: float, tiles: U8, visible: I
 @serial(fastmath={"contract"})
 def _transform(points: F32, first: int, last: int, camera: F64, screen: F32) -> None:
     """Points first to before last -> screen, see `place_points`."""
-    perspective = camera[0] == PERSPECTIVE
+    perspective = camera[KIND] == PERSPECTIVE
     for i in range(first, last):
-        dx, dy, dz = points[i, 0] - camera[16], points[i, 1] - camera[17], points[i, 2] - camera[18]
-        x = camera[7] * dx + camera[10] * dy + camera[13] * dz
-        y = camera[8] * dx + camera[11] * dy + camera[14] * dz
-        z = camera[9] * dx + camera[12] * dy + camera[15] * dz
+        x, y, z = point_in_camera(camera, points[i, 0], points[i, 1], points[i, 2])
         if perspective:
             # On the eye's plane itself nothing is projected: a hair beside it clipping finds the way back.
             x = x if abs(x) > 1e-20 else 1e-20
             inverse = 1.0 / x
-            screen[i, 0] = camera[5] - camera[3] * y * inverse
-            screen[i, 1] = camera[6] - camera[4] * z * inverse
+            screen[i, 0] = camera[CX] - camera[FX] * y * inverse
+            screen[i, 1] = camera[CY] - camera[FY] * z * inverse
             screen[i, 2] = inverse
             screen[i, 3] = x
         else:

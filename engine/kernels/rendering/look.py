@@ -14,7 +14,25 @@ import math
 import numpy as np
 
 from ...support.array_types import F32, F64
-from ...support.packed import PERSPECTIVE
+from ...support.packed import (
+    CX,
+    CY,
+    FORWARD_X,
+    FORWARD_Y,
+    FORWARD_Z,
+    FX,
+    FY,
+    HEIGHT,
+    KIND,
+    PERSPECTIVE,
+    PHI_MAX,
+    POSITION_X,
+    POSITION_Y,
+    POSITION_Z,
+    THETA_MAX,
+    WIDTH,
+    WRAPS,
+)
 from ..base import view_table as t
 from ..base.jit import inlined_late, serial
 from ..base.simd import (
@@ -59,7 +77,10 @@ __all__ = [
     "make_lens",
 ]
 
-# Of a lens: rotation [9] and shift [3] view from eye, then
+# Of a lens. Rotation, view from eye, 3 x 3 and row-major (_XY: what an eye's y adds to the view's x), and shift.
+_XX, _XY, _XZ, _YX, _YY, _YZ, _ZX, _ZY, _ZZ = range(9)
+_ROTATION = _XX
+_SHIFT_X, _SHIFT_Y, _SHIFT_Z = 9, 10, 11
 _WIDTH, _HEIGHT, _OFFSET, _PER_STEP, _KIND, _WRAPS = 12, 13, 14, 15, 16, 17
 _FX, _CX, _FY, _CY = 18, 19, 20, 21  # or columns, left, rows, top
 _EDGE, _TOLERANCE, _LEAST = 22, 23, 24  # codes; the least valid one
@@ -80,17 +101,22 @@ def make_lens(row: F64, camera: F64, lens: F32) -> None:
     """Fill a lens from a view table's row, for the eye of a packed camera."""
     for i in range(3):
         for j in range(3):
-            lens[3 * i + j] = row[7 + i] * camera[7 + j] + row[10 + i] * camera[10 + j] + row[13 + i] * camera[13 + j]
-        lens[9 + i] = (
-            row[7 + i] * (camera[16] - row[16]) + row[10 + i] * (camera[17] - row[17])
-            + row[13 + i] * (camera[18] - row[18])
-        )  # fmt: skip
-    lens[_WIDTH], lens[_HEIGHT], lens[_OFFSET], lens[_PER_STEP] = row[1], row[2], row[t.OFFSET], 1.0 / row[t.STEP]
-    lens[_KIND], lens[_WRAPS] = row[0], row[19]
-    if row[0] == PERSPECTIVE:
-        lens[_FX], lens[_CX], lens[_FY], lens[_CY] = row[3], row[5], row[4], row[6]
+            lens[_ROTATION + 3 * i + j] = (
+                row[FORWARD_X + i] * camera[FORWARD_X + j] + row[FORWARD_Y + i] * camera[FORWARD_Y + j]
+                + row[FORWARD_Z + i] * camera[FORWARD_Z + j]
+            )  # fmt: skip
+        lens[_SHIFT_X + i] = (
+            row[FORWARD_X + i] * (camera[POSITION_X] - row[POSITION_X])
+            + row[FORWARD_Y + i] * (camera[POSITION_Y] - row[POSITION_Y])
+            + row[FORWARD_Z + i] * (camera[POSITION_Z] - row[POSITION_Z])
+        )
+    lens[_WIDTH], lens[_HEIGHT] = row[WIDTH], row[HEIGHT]
+    lens[_OFFSET], lens[_PER_STEP] = row[t.OFFSET], 1.0 / row[t.STEP]
+    lens[_KIND], lens[_WRAPS] = row[KIND], row[WRAPS]
+    if row[KIND] == PERSPECTIVE:
+        lens[_FX], lens[_CX], lens[_FY], lens[_CY] = row[FX], row[CX], row[FY], row[CY]
     else:
-        lens[_FX], lens[_CX], lens[_FY], lens[_CY] = row[t.COLUMNS], row[3], row[t.ROWS], row[5]
+        lens[_FX], lens[_CX], lens[_FY], lens[_CY] = row[t.COLUMNS], row[PHI_MAX], row[t.ROWS], row[THETA_MAX]
     lens[_EDGE], lens[_TOLERANCE], lens[_LEAST] = row[t.EDGE], row[t.TOLERANCE], row[t.INVALID]
     lens[_SHARPNESS2], lens[_PIXEL2] = row[t.SHARPNESS] * row[t.SHARPNESS], row[t.PIXEL] * row[t.PIXEL]
     lens[_SUBSAMPLED] = row[t.SUBSAMPLED]
@@ -149,7 +175,7 @@ def _project(lens: int, q: Floats, x: Floats, y: Floats, z: Floats) -> tuple[Flo
 def _weigh(lens: int, q: Floats, ex: Floats, ey: Floats, ez: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Weights of the view's clean and mixed texels: small angle between its ray and the eye's (e), fine sampling,
     off the border. Where the two rays are within a pixel of each other, a mixed texel is what the eye sees."""
-    tx, ty, tz = load_float(lens, 9), load_float(lens, 10), load_float(lens, 11)
+    tx, ty, tz = load_float(lens, _SHIFT_X), load_float(lens, _SHIFT_Y), load_float(lens, _SHIFT_Z)
     vx, vy, vz = ex + tx * q, ey + ty * q, ez + tz * q
     ee, vv = ex * ex + ey * ey + ez * ez, vx * vx + vy * vy + vz * vz
     # The rays span what the eye's and the shift do, which does not cancel where they are nearly the same.
@@ -178,10 +204,12 @@ def aim(
     where it does not; and, if it `blends` with others, weights of its clean and its mixed texels there.
 
     lens: address of the view's lens."""
-    ex = load_float(lens, 0) * dx + load_float(lens, 1) * dy + load_float(lens, 2) * dz
-    ey = load_float(lens, 3) * dx + load_float(lens, 4) * dy + load_float(lens, 5) * dz
-    ez = load_float(lens, 6) * dx + load_float(lens, 7) * dy + load_float(lens, 8) * dz
-    x, y, z = ex + load_float(lens, 9) * q, ey + load_float(lens, 10) * q, ez + load_float(lens, 11) * q
+    ex = load_float(lens, _XX) * dx + load_float(lens, _XY) * dy + load_float(lens, _XZ) * dz
+    ey = load_float(lens, _YX) * dx + load_float(lens, _YY) * dy + load_float(lens, _YZ) * dz
+    ez = load_float(lens, _ZX) * dx + load_float(lens, _ZY) * dy + load_float(lens, _ZZ) * dz
+    x = ex + load_float(lens, _SHIFT_X) * q
+    y = ey + load_float(lens, _SHIFT_Y) * q
+    z = ez + load_float(lens, _SHIFT_Z) * q
     u, v, code = _project(lens, q, x, y, z)
     clean, mixed = spread(1.0), spread(1.0)
     if blends:

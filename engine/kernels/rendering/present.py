@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ...support.array_types import F64
+from ...support.packed import HEIGHT, WIDTH
 from ..base.jit import inlined
 from ..base.project import project_point, unproject_point
 from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
@@ -25,7 +26,7 @@ def present_depth(row: F64, codes: int, camera: F64, x: int, y: int, depth: floa
     `row` and `codes` are a view as `kernels.base.view_table` reads it; `camera` is
     the packed virtual camera, depths are its own, metres.
     """
-    width, height = int(row[1]), int(row[2])
+    width, height = int(row[WIDTH]), int(row[HEIGHT])
     for _ in range(_STEPS):
         px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, depth)
         u, v, there = project_point(row, px, py, pz)

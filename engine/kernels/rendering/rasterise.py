@@ -14,6 +14,7 @@ import numba
 import numpy as np
 
 from ...support.array_types import F32, F64, I32, I64, U8
+from ...support.packed import CX, CY
 from ..base.jit import parallel, serial
 from ..base.simd import LANES
 from .sorting import winding
@@ -37,10 +38,10 @@ def _clip(screen: F32, corners: I32, camera: F64, near: float, polygon: F32) -> 
             xf, xb = float(screen[front, 3]), float(screen[back, 3])
             t = (near - xf) / (xb - xf)
             # Places times depths are affine in space, and so between the corners.
-            uf, vf = (screen[front, 0] - camera[5]) * xf, (screen[front, 1] - camera[6]) * xf
-            ub, vb = (screen[back, 0] - camera[5]) * xb, (screen[back, 1] - camera[6]) * xb
-            polygon[n, 0] = camera[5] + (uf + t * (ub - uf)) / near
-            polygon[n, 1] = camera[6] + (vf + t * (vb - vf)) / near
+            uf, vf = (screen[front, 0] - camera[CX]) * xf, (screen[front, 1] - camera[CY]) * xf
+            ub, vb = (screen[back, 0] - camera[CX]) * xb, (screen[back, 1] - camera[CY]) * xb
+            polygon[n, 0] = camera[CX] + (uf + t * (ub - uf)) / near
+            polygon[n, 1] = camera[CY] + (vf + t * (vb - vf)) / near
             polygon[n, 2], polygon[n, 3] = 1.0 / near, near
             n += 1
     return n

@@ -20,7 +20,21 @@ import numba
 import numpy as np
 
 from ...support.array_types import F32, F64, I64, U8
-from ...support.packed import PERSPECTIVE
+from ...support.packed import (
+    CX,
+    CY,
+    FX,
+    FY,
+    HEIGHT,
+    KIND,
+    PERSPECTIVE,
+    PHI_MAX,
+    RADIANS_A_COLUMN,
+    RADIANS_A_ROW,
+    THETA_MAX,
+    WIDTH,
+    WRAPS,
+)
 from ..base.jit import inlined, inlined_late, parallel, serial
 from ..base.project import project_point, unproject_point
 from ..base.simd import (
@@ -40,7 +54,7 @@ from ..base.simd import (
     zipped,
     zipped_rest,
 )
-from ..base.tone import LARGEST, toned
+from ..base.tone import CB_FROM_Y, CB_GAIN, CB_OFFSET, CR_FROM_Y, CR_GAIN, CR_OFFSET, LARGEST, Y_GAIN, Y_OFFSET, toned
 from ..base.view_table import EDGE, INVALID, OFFSET, STEP, SUBSAMPLED, TOLERANCE, TONE, load_texel
 from .look import (
     LENS_SIZE,
@@ -72,12 +86,12 @@ def _colour_of_winner(
 ) -> tuple[float, float, float]:
     """Colour of view k at (u, v), of those of the four texels round it that are of about that depth code, or else of
     that which is nearest in depth: it drew the pixel."""
-    width, height = int(table[k, 1]), int(table[k, 2])
+    width, height = int(table[k, WIDTH]), int(table[k, HEIGHT])
     if not (abs(u) < _FARTHEST_PX and abs(v) < _FARTHEST_PX):  # nowhere in particular: no number, or no integer
         u, v = 0.0, 0.0
     y = min(max(v - 0.5, 0.0), height - 1.0)
     iy = min(int(y), max(height - 2, 0))
-    if table[k, 19] > 0.0:
+    if table[k, WRAPS] > 0.0:
         x = u - 0.5 if u >= 0.5 else u - 0.5 + width
         x0 = min(int(x), width - 1)
         x1 = x0 + 1 if x0 + 1 < width else 0
@@ -136,10 +150,10 @@ def _shade_by_winner(
 def _directions(camera: F64, width: int, across: F32) -> None:
     """across [2, >= width]: what a column adds to the eye's directions (`_row_of_directions`)."""
     for x in range(width):
-        if camera[0] == PERSPECTIVE:
-            across[0, x], across[1, x] = 1.0, (camera[5] - (x + 0.5)) / camera[3]
+        if camera[KIND] == PERSPECTIVE:
+            across[0, x], across[1, x] = 1.0, (camera[CX] - (x + 0.5)) / camera[FX]
         else:
-            phi = camera[3] - (x + 0.5) * camera[4]
+            phi = camera[PHI_MAX] - (x + 0.5) * camera[RADIANS_A_COLUMN]
             across[0, x], across[1, x] = math.cos(phi), math.sin(phi)
     across[:, width:] = 0.0
 
@@ -147,9 +161,9 @@ def _directions(camera: F64, width: int, across: F32) -> None:
 @inlined
 def _row_of_directions(camera: F64, y: int) -> tuple[float, float]:
     """Scale and height of a row: the direction of depth 1 is (scale * across[0], scale * across[1], height)."""
-    if camera[0] == PERSPECTIVE:
-        return 1.0, (camera[6] - (y + 0.5)) / camera[4]
-    theta = camera[5] - (y + 0.5) * camera[6]
+    if camera[KIND] == PERSPECTIVE:
+        return 1.0, (camera[CY] - (y + 0.5)) / camera[FY]
+    theta = camera[THETA_MAX] - (y + 0.5) * camera[RADIANS_A_ROW]
     return math.cos(theta), math.sin(theta)
 
 
@@ -248,9 +262,10 @@ def _colour_cell(
             lens = lenses + k * 4 * LENS_SIZE
             b, r = _colour_blocks(lens, addresses + k * 40, cubic, seen, k, weight)
             luma = _sum(seen, k, _LUMA)
-            on_b, on_r = load_float(lens, TONE_AT + 3), load_float(lens, TONE_AT + 6)
-            sum_b += load_float(lens, TONE_AT + 2) * b + on_b * luma + load_float(lens, TONE_AT + 4) * weight
-            sum_r += load_float(lens, TONE_AT + 5) * r + on_r * luma + load_float(lens, TONE_AT + 7) * weight
+            on_b, on_r = load_float(lens, TONE_AT + CB_FROM_Y), load_float(lens, TONE_AT + CR_FROM_Y)
+            shift_b, shift_r = load_float(lens, TONE_AT + CB_OFFSET), load_float(lens, TONE_AT + CR_OFFSET)
+            sum_b += load_float(lens, TONE_AT + CB_GAIN) * b + on_b * luma + shift_b * weight
+            sum_r += load_float(lens, TONE_AT + CR_GAIN) * r + on_r * luma + shift_r * weight
             count += weight
     return sum_b, sum_r, count
 
@@ -290,7 +305,7 @@ def _look_cell(lens: int, addresses: int, blend: int, cubic: bool, pixels: int, 
         _put(seen, k, part, _V, v)
         _put(seen, k, part, _MANNER, manner)
         count += select(share > 0.0, spread(1.0), 0.0)
-        toned_luma = load_float(lens, TONE_AT) * luma + load_float(lens, TONE_AT + 1)
+        toned_luma = load_float(lens, TONE_AT + Y_GAIN) * luma + load_float(lens, TONE_AT + Y_OFFSET)
         store(sums, part * LANES, count)
         store(sums, (_PARTS + part) * LANES, load(sums, (_PARTS + part) * LANES) + share)
         store(sums, (2 * _PARTS + part) * LANES, load(sums, (2 * _PARTS + part) * LANES) + share * toned_luma)

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from ...support.array_types import F32, F64, I32, I64, U8
+from ...support.packed import FX, FY, HEIGHT, WIDTH
 from ..base.jit import inlined, parallel, serial
 from ..base.simd import (
     LANES,
@@ -37,7 +38,7 @@ Box = tuple[Floats, Floats, Floats, Floats]  # left, right, top, bottom
 @inlined
 def winding(camera: F64) -> int:
     """`second` of `strips.corners` for a perspective target: a mirrored picture winds the other way."""
-    return 2 if camera[3] * camera[4] < 0.0 else 1
+    return 2 if camera[FX] * camera[FY] < 0.0 else 1
 
 
 @serial
@@ -113,7 +114,7 @@ def _sort_into_bands(
     read. A triangle over several bands stands in each.
     """
     chunks, bands = counts.shape[0], counts.shape[1]
-    width, height, second = int(camera[1]), int(camera[2]), winding(camera)
+    width, height, second = int(camera[WIDTH]), int(camera[HEIGHT]), winding(camera)
     for chunk in numba.prange(chunks):
         drawn[chunk] = 0
         for band in range(bands):

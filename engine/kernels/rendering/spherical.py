@@ -7,6 +7,7 @@ import math
 import numba
 
 from ...support.array_types import F32, F64, I32, I64, U8
+from ...support.packed import HEIGHT, PHI_MAX, RADIANS_A_COLUMN, RADIANS_A_ROW, THETA_MAX
 from ..base.jit import inlined, parallel, serial
 from .strips import SIDE_PX
 
@@ -82,16 +83,16 @@ def _rows(a: Direction, b: Direction, c: Direction, camera: F64) -> tuple[int, i
         return 1, 0
     left, right = azimuths(a, b, c)
     low, high = elevations(a, b, c, right - left)
-    first = math.ceil((camera[5] - high) / camera[6] - 0.5 - SIDE_PX)
-    last = math.floor((camera[5] - low) / camera[6] - 0.5 + SIDE_PX)
-    return max(0, int(first)), min(int(camera[2]) - 1, int(last))
+    first = math.ceil((camera[THETA_MAX] - high) / camera[RADIANS_A_ROW] - 0.5 - SIDE_PX)
+    last = math.floor((camera[THETA_MAX] - low) / camera[RADIANS_A_ROW] - 0.5 + SIDE_PX)
+    return max(0, int(first)), min(int(camera[HEIGHT]) - 1, int(last))
 
 
 @inlined
 def _side(p: Direction, r: Direction, camera: F64) -> tuple[float, float, float, float]:
     """The plane through the eye and a side: directions whose product with it is no less than its last are inside."""
     x, y, z = _cross(r, p)
-    return x, y, z, -SIDE_PX * camera[6] * math.sqrt(x * x + y * y + z * z)
+    return x, y, z, -SIDE_PX * camera[RADIANS_A_ROW] * math.sqrt(x * x + y * y + z * z)
 
 
 @serial
@@ -110,9 +111,9 @@ def _draw_triangle(
     if right - left > _HALF_TURN:
         x0, x1 = 0, width - 1
     else:  # and a column each way, for sides that go along columns
-        x0 = math.ceil((camera[3] - right) / camera[4] - 1.5)
-        x1 = math.floor((camera[3] - left) / camera[4] + 0.5)
-    period = round(2.0 * math.pi / camera[4])
+        x0 = math.ceil((camera[PHI_MAX] - right) / camera[RADIANS_A_COLUMN] - 1.5)
+        x1 = math.floor((camera[PHI_MAX] - left) / camera[RADIANS_A_COLUMN] + 0.5)
+    period = round(2.0 * math.pi / camera[RADIANS_A_COLUMN])
     for y in range(max(first, top), min(last, bottom) + 1):
         planar, z = rows[y, 0], rows[y, 1]
         for column in range(x0, x1 + 1):

@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ...support.array_types import F64
-from ...support.packed import PERSPECTIVE
+from ...support.packed import FX, FY, KIND, PERSPECTIVE, RADIANS_A_COLUMN, RADIANS_A_ROW, Coding
 from ..base.jit import parallel, serial
-from ..base.project import unproject_point
+from ..base.project import position, unproject_point
 from .patterns import pattern_colour
 
 __all__ = ["BOX", "CAPSULE", "CYLINDER", "ELLIPSOID", "PART_SIZE", "trace_picture"]
@@ -234,14 +234,15 @@ def _shade(
 def _ray(camera: F64, u: float, v: float) -> Vector:
     """Direction through a pixel coordinate, as long as one unit of the camera's depth."""
     x, y, z = unproject_point(camera, u, v, 1.0)
-    return x - camera[16], y - camera[17], z - camera[18]
+    cx, cy, cz = position(camera)
+    return x - cx, y - cy, z - cz
 
 
 @serial
 def _pixel_rad(camera: F64) -> float:
-    if camera[0] == PERSPECTIVE:
-        return float(1.0 / min(abs(camera[3]), abs(camera[4])))
-    return float(max(camera[4], camera[6]))
+    if camera[KIND] == PERSPECTIVE:
+        return float(1.0 / min(abs(camera[FX]), abs(camera[FY])))
+    return float(max(camera[RADIANS_A_COLUMN], camera[RADIANS_A_ROW]))
 
 
 @serial
@@ -256,7 +257,7 @@ def _block_meets(
     spread: float,
 ) -> bool:
     """Whether any ray of a block of 2 x 2 pixels meets the candidate groups, hidden or not."""
-    o = (camera[16], camera[17], camera[18])
+    o = position(camera)
     d = _ray(camera, column + 1.0, row + 1.0)
     near = False
     for k in range(candidates.shape[0]):
@@ -292,7 +293,7 @@ def _pixel_colour(
     pixel_rad: float,
 ) -> Vector:
     """Mean linear colour of samples x samples rays, gamma 2, as Y' in [0, 1], Cb, Cr in [-.5, .5]."""
-    o = (camera[16], camera[17], camera[18])
+    o = position(camera)
     r = g = b = 0.0
     for s in range(samples * samples):
         d = _ray(camera, x + (s % samples + 0.5) / samples, y + (s // samples + 0.5) / samples)
@@ -310,7 +311,7 @@ def _pixel_colour(
 @serial
 def _trace_block(
     camera: F64,
-    coding: F64,
+    coding: Coding,
     parts: F64,
     groups: F64,
     candidates: IndexArray,
@@ -325,7 +326,7 @@ def _trace_block(
     codes: CodeArray,
 ) -> None:
     height, width = luma.shape
-    o, pixel_rad = (camera[16], camera[17], camera[18]), _pixel_rad(camera)
+    o, pixel_rad = position(camera), _pixel_rad(camera)
     blue = red = 0.0
     for k in range(4):
         y, x = min(row + k // 2, height - 1), min(column + k % 2, width - 1)
@@ -335,8 +336,8 @@ def _trace_block(
         luma[y, x] = np.uint16(np.rint(64.0 + 876.0 * bright))
         blue, red = blue + b, red + r
         depth, _ = _nearest(parts, groups, candidates, o, _ray(camera, x + 0.5, y + 0.5))
-        code = np.rint((1.0 / depth - coding[0]) / coding[1])
-        codes[y, x] = np.uint16(min(max(code, coding[2]), coding[3]))
+        code = np.rint((1.0 / depth - coding.offset) / coding.step)
+        codes[y, x] = np.uint16(min(max(code, coding.min_code), coding.max_code))
     cb[row // 2, column // 2] = np.uint16(np.rint(512.0 + 224.0 * blue))
     cr[row // 2, column // 2] = np.uint16(np.rint(512.0 + 224.0 * red))
 
@@ -344,7 +345,7 @@ def _trace_block(
 @parallel
 def trace_picture(
     camera: F64,  # packed
-    coding: F64,  # disparity of code 0, of a step, smallest and largest code
+    coding: Coding,
     parts: F64,  # [n, PART_SIZE]
     groups: F64,  # [m, 6]
     first: int,
@@ -363,7 +364,7 @@ def trace_picture(
     traces every block. Colour takes samples x samples rays a pixel, depth the one through its centre.
     """
     height, width = luma.shape
-    o, pixel_rad = (camera[16], camera[17], camera[18]), _pixel_rad(camera)
+    o, pixel_rad = position(camera), _pixel_rad(camera)
     across = (width + TILE - 1) // TILE
     for tile in numba.prange(across * ((height + TILE - 1) // TILE)):
         top, left = TILE * (tile // across), TILE * (tile % across)
