@@ -27,7 +27,17 @@ import numpy.typing as npt
 
 from ..geometry.prepared_view import ViewTable
 from ..kernels.background.exposure import gather_samples, solve_tones, weigh_samples
-from ..kernels.base.tone import TONE_SIZE
+from ..kernels.base.tone import (
+    CB_FROM_Y,
+    CB_GAIN,
+    CB_OFFSET,
+    CR_FROM_Y,
+    CR_GAIN,
+    CR_OFFSET,
+    TONE_SIZE,
+    Y_GAIN,
+    Y_OFFSET,
+)
 from ..rig.camera import Camera
 from ..rig.selection import likely_views, select_views
 from ..support.array_types import F64
@@ -170,7 +180,7 @@ def packed(matrices: F64) -> F64:  # [n, 4, 4] -> [n, TONE_SIZE]
     """Affine maps about black and grey as maps of codes, for `kernels.base.tone`."""
     out = np.empty((len(matrices), TONE_SIZE))
     offset = matrices[:, :3, 3] + _CENTRE - matrices[:, :3, :3] @ _CENTRE
-    out[:, 0], out[:, 1] = matrices[:, 0, 0], offset[:, 0]
-    for k in (1, 2):
-        out[:, 3 * k - 1], out[:, 3 * k], out[:, 3 * k + 1] = matrices[:, k, k], matrices[:, k, 0], offset[:, k]
+    out[:, Y_GAIN], out[:, Y_OFFSET] = matrices[:, 0, 0], offset[:, 0]
+    for k, (gain, from_y, off) in enumerate(((CB_GAIN, CB_FROM_Y, CB_OFFSET), (CR_GAIN, CR_FROM_Y, CR_OFFSET)), 1):
+        out[:, gain], out[:, from_y], out[:, off] = matrices[:, k, k], matrices[:, k, 0], offset[:, k]
     return out

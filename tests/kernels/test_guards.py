@@ -227,6 +227,7 @@ def test_triangles_beyond_all_integers_are_drawn_to_an_end(child):
 
 # Files of kernels that use addresses, and the cases that run them. Who adds one adds a case, or says which has it.
 COVERED = {
+    "background/captures": ("pipeline",),
     "background/culling": ("pipeline",),
     "background/exposure": ("pipeline",),
     "background/hidden": ("pipeline",),
@@ -245,7 +246,9 @@ COVERED = {
 }
 # What only kernels of these files call.
 INSIDE = {
-    "background/rays": ("background/culling", "background/hidden", "background/pbi", "background/triangle_filter"),
+    "background/rays": (
+        "background/captures", "background/culling", "background/hidden", "background/pbi", "background/triangle_filter",
+    ),
     "background/standing": ("background/hidden", "background/pbi"),
     "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangulate"),
     "base/sight": ("background/standing", "rendering/backdrop"),

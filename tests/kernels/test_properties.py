@@ -121,10 +121,10 @@ def test_farthest_hits_are_the_slow_twins(projection, orientation, seed, scale, 
     mesh = meshes(seed, 40, size, scale)
     camera = Camera("c", projection, Pose((0.3 * scale, 0.2 * scale, -0.1 * scale), orientation), DepthCoding(0.1, 9))
     pbs = ProbableBackgroundSurface(1)
-    pbs.set_static(0, mesh)
+    pbs.set_static(0, 0, mesh)
     pbs.commit()
     found = np.empty((camera.height, camera.width))
-    farthest_distances(pbs.tracer, camera.packed(), found)
+    farthest_distances(pbs.tracer.packed, camera.packed(), found)
     extent = float(np.ptp(pbs.bounds, axis=0).max())
     for y, x in np.ndindex(found.shape):
         start, along = pixel_ray(camera, x + 0.5, y + 0.5)

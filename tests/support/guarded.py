@@ -110,7 +110,8 @@ class _Kernel:
 
     def _placed(self, argument: Any, copies: dict[int, tuple[np.ndarray, np.ndarray]]) -> Any:
         if isinstance(argument, tuple):
-            return tuple(self._placed(part, copies) for part in argument)
+            parts = [self._placed(part, copies) for part in argument]
+            return type(argument)(*parts) if hasattr(argument, "_fields") else tuple(parts)
         if not (isinstance(argument, np.ndarray) and argument.flags.c_contiguous):
             return argument
         if id(argument) not in copies:

@@ -16,18 +16,8 @@ from ...support.packed import HEIGHT, WIDTH
 from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point
 from ..base.tolerance import Delta, delta_at
-from .rays import (
-    INVALID_ID,
-    ROUNDING,
-    Tracer,
-    along,
-    distance_to_exit,
-    from_camera,
-    intersect1,
-    is_free,
-    or_u64,
-    outside_ray,
-)
+from .lines import along, from_camera
+from .rays import INVALID_ID, ROUNDING, Tracer, distance_to_exit, intersect1, is_free, or_u64, outside_ray
 from .surfaces import MARKS, STRIDE, Triangles
 
 __all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "extent_px", "list_unmarked", "mark_by_pixel", "mark_by_triangle"]

@@ -14,7 +14,7 @@ import numpy as np
 from ...support.array_types import F32, F64, I64, U64
 from ..base.jit import inlined, parallel
 from ..base.tolerance import Delta, delta_at
-from .rays import from_camera
+from .lines import from_camera
 from .surfaces import Triangles
 
 __all__ = ["COLUMNS", "ROWS", "forget_marks", "note_directions"]

@@ -15,7 +15,18 @@ import numpy as np
 from ...support.array_types import F32, F64, U8, U16
 from ..base.jit import inlined, parallel
 from ..base.project import project_point, unproject_point
-from ..base.tone import mean_luma, toned_code
+from ..base.tone import (
+    CB_FROM_Y,
+    CB_GAIN,
+    CB_OFFSET,
+    CR_FROM_Y,
+    CR_GAIN,
+    CR_OFFSET,
+    Y_GAIN,
+    Y_OFFSET,
+    mean_luma,
+    toned_code,
+)
 from .flags import PROVISIONAL, beside_nearer
 from .maximum_depth import PHASES
 from .nontrivial import Rules
@@ -70,14 +81,14 @@ def fuse_maximum_depth(
                         whole = False
                         continue
                     count = min(count, fused[row, x])
-                    luma = toned_code(tone[0], new_y[row, x], tone[1])
+                    luma = toned_code(tone[Y_GAIN], new_y[row, x], tone[Y_OFFSET])
                     y[row, x] = _toward(y[row, x], luma, min(fused[row, x], COLOUR_FRAMES), chance)
             if whole:
                 count = min(count, COLOUR_FRAMES)
                 chance = (state >> np.uint32(8)) * 2.0**-24
                 mean = mean_luma(new_y, 2 * pair, 2 * column)
-                blue = toned_code(tone[2], new_cb[pair, column], tone[3] * mean + tone[4])
-                red = toned_code(tone[5], new_cr[pair, column], tone[6] * mean + tone[7])
+                blue = toned_code(tone[CB_GAIN], new_cb[pair, column], tone[CB_FROM_Y] * mean + tone[CB_OFFSET])
+                red = toned_code(tone[CR_GAIN], new_cr[pair, column], tone[CR_FROM_Y] * mean + tone[CR_OFFSET])
                 cb[pair, column] = _toward(cb[pair, column], blue, count, chance)
                 cr[pair, column] = _toward(cr[pair, column], red, count, chance)
 

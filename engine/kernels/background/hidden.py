@@ -11,7 +11,8 @@ from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point
 from ..base.tolerance import Delta, delta_at
 from .culling import SAMPLES, SMALL_PX, extent_px
-from .rays import ROUNDING, Tracer, from_camera, is_seen_from
+from .lines import from_camera
+from .rays import ROUNDING, Tracer, is_seen_from
 from .standing import Present, standing_hit
 from .surfaces import Triangles
 

@@ -7,7 +7,18 @@ import numpy as np
 
 from ...support.array_types import F64, I64, U8, U16
 from ..base.jit import inlined, parallel
-from ..base.tone import mean_luma, toned_code
+from ..base.tone import (
+    CB_FROM_Y,
+    CB_GAIN,
+    CB_OFFSET,
+    CR_FROM_Y,
+    CR_GAIN,
+    CR_OFFSET,
+    Y_GAIN,
+    Y_OFFSET,
+    mean_luma,
+    toned_code,
+)
 from .flags import FRESH, PROVISIONAL, TRIED, UPDATED, beside_nearer, coloured
 from .nontrivial import Margins, Rules, margins_of, perhaps_farther
 from .picture import Picture
@@ -143,7 +154,7 @@ def _update_quad(
                 continue
             if code - lowest < by_code[codes[row, x]]:
                 codes[row, x] = code
-                y[row, x] = toned_code(tone[0], new_y[row, x], tone[1])
+                y[row, x] = toned_code(tone[Y_GAIN], new_y[row, x], tone[Y_OFFSET])
                 if fused.size > 0:
                     fused[row, x] = 1
                 flags[row, x] = coloured(flags[row, x], FRESH * beside_nearer(new_codes, row, x, edge)) | UPDATED
@@ -154,7 +165,7 @@ def _update_quad(
                 if behind or beside_nearer(new_codes, row, x, edge):
                     flags[row, x] = coloured(flags[row, x], TRIED)
                     continue
-                y[row, x] = toned_code(tone[0], new_y[row, x], tone[1])
+                y[row, x] = toned_code(tone[Y_GAIN], new_y[row, x], tone[Y_OFFSET])
                 flags[row, x] = coloured(flags[row, x], 0)
                 colours += 1
     if colours == 0:
@@ -165,8 +176,8 @@ def _update_quad(
             foreground += code >= lowest and int(codes[row, x]) - lowest < by_code[code]
     if foreground == 0:
         luma = mean_luma(new_y, 2 * pair, 2 * column)
-        cb[pair, column] = toned_code(tone[2], new_cb[pair, column], tone[3] * luma + tone[4])
-        cr[pair, column] = toned_code(tone[5], new_cr[pair, column], tone[6] * luma + tone[7])
+        cb[pair, column] = toned_code(tone[CB_GAIN], new_cb[pair, column], tone[CB_FROM_Y] * luma + tone[CB_OFFSET])
+        cr[pair, column] = toned_code(tone[CR_GAIN], new_cr[pair, column], tone[CR_FROM_Y] * luma + tone[CR_OFFSET])
     else:  # the sample is partly of something nearer: wait until that has moved on
         for row in range(2 * pair, bottom):
             for x in range(2 * column, right):

@@ -19,17 +19,16 @@ from numba.extending import intrinsic
 from ...support.array_types import F64
 from ...support.packed import POSITION
 from ..base.jit import inlined, serial
-from ..base.project import unproject_point
+from ..base.project import position, unproject_point
+from .lines import along, from_camera
 
 __all__ = [
     "BESIDE_PX",
     "INVALID_ID",
     "ROUNDING",
     "Tracer",
-    "along",
     "distance_to_exit",
     "farthest_hit",
-    "from_camera",
     "intersect1",
     "is_free",
     "is_seen_from",
@@ -164,20 +163,6 @@ class Tracer(NamedTuple):
 
 
 @inlined
-def from_camera(camera: F64, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """The way from a camera (packed) to a point, in the world's axes."""
-    return x - camera[POSITION], y - camera[POSITION + 1], z - camera[POSITION + 2]
-
-
-@inlined
-def along(camera: F64, distance: float, dx: float, dy: float, dz: float) -> tuple[float, float, float]:
-    """The point `distance` times a direction away from a camera (packed)."""
-    return (
-        camera[POSITION] + distance * dx, camera[POSITION + 1] + distance * dy, camera[POSITION + 2] + distance * dz
-    )  # fmt: skip
-
-
-@inlined
 def is_free(
     tracer: Tracer, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, far: float
 ) -> bool:
@@ -194,7 +179,8 @@ def is_free(
 @inlined
 def is_seen_from(tracer: Tracer, camera: F64, dx: float, dy: float, dz: float, far: float) -> bool:
     """Whether nothing stands between a camera (packed) and `far` times a direction from it."""
-    return is_free(tracer, camera[POSITION], camera[POSITION + 1], camera[POSITION + 2], dx, dy, dz, far)
+    ox, oy, oz = position(camera)
+    return is_free(tracer, ox, oy, oz, dx, dy, dz, far)
 
 
 # Filter callbacks get RTCFilterFunctionNArguments: valid, geometryUserPtr, context, ray, hit, N. With

@@ -13,12 +13,12 @@ import numba
 import numpy as np
 
 from ...support.array_types import F64, I64
-from ...support.packed import POSITION
 from ..base.jit import serial
-from ..base.project import unproject_point
+from ..base.project import position, unproject_point
 from ..base.sight import looks_through, shows
 from ..base.tolerance import Delta, delta_at
-from .rays import BESIDE_PX, INVALID_ID, ROUNDING, Tracer, along, farthest_hit, from_camera, intersect1
+from .lines import along, from_camera
+from .rays import BESIDE_PX, INVALID_ID, ROUNDING, Tracer, farthest_hit, intersect1
 from .surfaces import CAMERA
 
 __all__ = ["FARTHEST", "NOW", "Present", "standing_hit"]
@@ -80,7 +80,7 @@ def _standing_along(
 ) -> tuple[float, float, float, int, int, float, int]:
     """`standing_hit` along a single ray."""
     px, py, pz = unproject_point(camera, u, v, 1.0)
-    ox, oy, oz = np.float32(camera[POSITION]), np.float32(camera[POSITION + 1]), np.float32(camera[POSITION + 2])
+    ox, oy, oz = position(camera)
     # Directions as long as a depth of 1: distances along them are depths.
     dx, dy, dz = from_camera(camera, px, py, pz)
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -88,8 +88,8 @@ def _standing_along(
     last, lu, lv, last_geometry, last_primitive = 0.0, 0.0, 0.0, -1, -1
     for layer in range(_LAYERS):
         depth, hu, hv, geometry, primitive = intersect1(
-            tracer.intersect, tracer.scene, 0, ox, oy, oz, np.float32(dx), np.float32(dy), np.float32(dz),
-            np.float32(start), np.float32(np.inf),
+            tracer.intersect, tracer.scene, 0, np.float32(ox), np.float32(oy), np.float32(oz), np.float32(dx),
+            np.float32(dy), np.float32(dz), np.float32(start), np.float32(np.inf),
         )  # fmt: skip
         rays += 1
         if geometry == INVALID_ID:
