@@ -13,8 +13,8 @@ from typing import Annotated, NoReturn
 
 import numpy as np
 import typer
+from farside.engine.io.images import write_png
 from farside.engine.io.pose_trace import read_pose_trace
-from farside.engine.rig import texture as colour
 from farside.engine.rig.camera import Camera, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.server.pictures import decode_texture
@@ -177,7 +177,7 @@ class Headset:
 def _write_pngs(picture: Stereo, folder: Path, number: int) -> None:
     for name, eye in (("left", picture.left), ("right", picture.right)):
         texture = decode_texture(eye, picture.height, picture.width, name)
-        colour.write_png(folder / f"{number:05d}_{name}.png", texture)
+        write_png(folder / f"{number:05d}_{name}.png", texture)
 
 
 def command(

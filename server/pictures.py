@@ -9,10 +9,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
+from farside.engine.io.images import decode_jpeg, encode_jpeg
 from farside.engine.live.frame_memory import Planes
-from farside.engine.rig import texture as colour
 from farside.engine.rig.camera import Camera
 from farside.engine.rig.frame import Texture, View
+from farside.engine.rig.texture import empty_texture
 
 from .protocol import CloseCode, DepthData, Picture, ProtocolError, ViewData
 
@@ -25,7 +26,7 @@ _MAX_TEXTURE_CODE = 1023
 def encode_texture(texture: Texture, encoding: str, quality: int = 90) -> Picture:
     """A texture as JPEG or as raw planes."""
     if encoding == "jpeg":
-        return Picture(encoding, (colour.encode_jpeg(texture, quality),))
+        return Picture(encoding, (encode_jpeg(texture, quality),))
     return Picture(encoding, tuple(_bytes(plane) for plane in (texture.y, texture.cb, texture.cr)))
 
 
@@ -33,11 +34,11 @@ def decode_texture(picture: Picture, height: int, width: int, name: str = "textu
     """The texture in a picture of a known size; raises ProtocolError."""
     if picture.encoding == "jpeg":
         try:
-            return colour.decode_jpeg(picture.planes[0], height, width)
+            return decode_jpeg(picture.planes[0], height, width)
         except ValueError as error:
             _, value, expected = str(error).split(": ", 2)
             raise ProtocolError(CloseCode.SIZE, name, value, expected.removeprefix("expected ")) from error
-    texture = colour.empty_texture(height, width)
+    texture = empty_texture(height, width)
     _take_planes(picture.planes, texture, name)
     return texture
 

@@ -16,11 +16,11 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from ..background.model import UpdateReport
+from ..io.images import encode_jpeg
 from ..io.recording import Recording
 from ..pipeline.engine import BackEndReport, Engine
 from ..rig.camera import Camera, Perspective, Pose
 from ..rig.frame import Frame
-from ..rig.texture import encode_jpeg
 from ..rig.viewer import StereoPicture, StereoView, home_pose
 from ..settings import Settings
 from ..support.runtime import set_thread_count, thread_count

@@ -23,11 +23,11 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from ..io.images import decode_jpeg, encode_jpeg
 from ..io.recording import Recording
 from ..live.governor import LADDER
 from ..pipeline.engine import Engine, Viewer
 from ..rig.frame import Frame, Texture
-from ..rig.texture import decode_jpeg, encode_jpeg
 from ..rig.viewer import RenderedPicture, StereoView
 from ..settings import PER_PICTURE, QUALITIES, Settings
 from .metrics import erp_range, iv_psnr, psnr

@@ -12,11 +12,12 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from ..io.images import write_png
 from ..io.recording import Playhead, Recording, playback_index
 from ..io.tmiv import depth_path, texture_path
 from ..io.yuv import PixelFormat, from_texture
 from ..rig.camera import Camera
-from ..rig.texture import to_rgb, write_png
+from ..rig.texture import to_rgb
 from ..rig.viewer import RenderedPicture, StereoView
 from ..settings import Settings
 from .engine import BackEndReport, Engine, Viewer

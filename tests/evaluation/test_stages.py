@@ -8,9 +8,9 @@ import pytest
 from farside.clients import bench
 from farside.engine.evaluation.stages import PHASES, head_amid, measure_stages
 from farside.engine.evaluation.twin_recording import TwinRecording, open_recording_or_twin
+from farside.engine.io.images import encode_jpeg
 from farside.engine.pipeline.engine import Engine
 from farside.engine.rig.camera import Perspective
-from farside.engine.rig.texture import encode_jpeg
 from farside.engine.settings import Settings
 from farside.engine.support.runtime import thread_count
 from farside.engine.support.stages import Stages, timed

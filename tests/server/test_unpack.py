@@ -8,7 +8,7 @@ from typing import Any
 import msgpack
 import numpy as np
 import pytest
-from farside.engine.rig.texture import decode_jpeg, encode_jpeg
+from farside.engine.io.images import decode_jpeg, encode_jpeg
 from farside.server import protocol
 from farside.server.pictures import encode_view
 from farside.server.protocol import CloseCode, ProtocolError, ViewData

@@ -28,6 +28,7 @@ from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.minification import level_for
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
+from farside.engine.io.images import decode_jpeg, encode_jpeg
 from farside.engine.kernels.base.tone import IDENTITY
 from farside.engine.live import frame_memory
 from farside.engine.pipeline import engine as engine_module
@@ -38,7 +39,7 @@ from farside.engine.rendering.target import Target
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Frame, Texture, View
-from farside.engine.rig.texture import decode_jpeg, encode_jpeg, from_rgb, to_rgb, toned_texture
+from farside.engine.rig.texture import from_rgb, to_rgb, toned_texture
 from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
 from support.guarded import guarded, guarding
