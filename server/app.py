@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import uvicorn
-from farside.engine.live.core_process import Apart
-from farside.engine.live.engine import Core, Live, Source
+from farside.engine.live.core import Core, Source, make_local_core
+from farside.engine.live.core_process import ProcessCore
+from farside.engine.live.engine import Live
 from farside.engine.live.update_priority import Patience
-from farside.engine.rig.camera import Camera
-from farside.engine.settings import Settings
 from fastapi import FastAPI, HTTPException, Request, Response, WebSocket
 from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
 
-from .export import export_mesh, export_metrics
+from .export import MEDIA_TYPES, export_mesh, export_metrics
 from .ingest import serve_source
 from .interpreter import responsive
 from .poses import serve_viewer
@@ -51,13 +50,7 @@ def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | N
 
 
 def _engine_maker(settings: ServerSettings) -> Callable[[Source], Core]:
-    return lambda source: Apart(_make_engine, source.cameras, settings.engine(), f_vin=source.fps)
-
-
-def _make_engine(cameras: Sequence[Camera], settings: Settings) -> Core:
-    from farside.engine.pipeline.engine import Engine  # late: only a process that renders needs it
-
-    return Engine(cameras, settings)
+    return lambda source: ProcessCore(make_local_core, source.cameras, settings.engine())
 
 
 def _add_http(app: FastAPI) -> None:
@@ -78,7 +71,7 @@ def _add_http(app: FastAPI) -> None:
         token = request.headers.get("authorization", "").removeprefix("Bearer ")
         if not _service(app).authorised(token or request.query_params.get("token", "")):
             raise HTTPException(401, "token: another: expected the server's token")
-        if format_name not in ("glb", "ply"):
+        if format_name not in MEDIA_TYPES:
             raise HTTPException(404, f"format: {format_name}: expected glb or ply")
         return await export_mesh(_service(app), format_name)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from farside.engine.io.mesh_files import to_glb, to_ply
 from fastapi import HTTPException, Response
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
@@ -13,20 +12,19 @@ from prometheus_client.registry import Collector
 
 from .service import Service
 
-__all__ = ["export_mesh", "export_metrics"]
+__all__ = ["MEDIA_TYPES", "export_mesh", "export_metrics"]
 
-FORMATS = {"glb": (to_glb, "model/gltf-binary"), "ply": (to_ply, "application/octet-stream")}
+MEDIA_TYPES = {"glb": "model/gltf-binary", "ply": "application/octet-stream"}
 
 
 async def export_mesh(service: Service, format_name: str) -> Response:
     """The model in a format (glb, ply); 409 before the first frame."""
-    convert, media_type = FORMATS[format_name]
     try:
-        data = await service.live.mesh(convert)
+        data = await service.live.mesh(format_name)
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
     headers = {"Content-Disposition": f'attachment; filename="background.{format_name}"'}
-    return Response(data, media_type=media_type, headers=headers)
+    return Response(data, media_type=MEDIA_TYPES[format_name], headers=headers)
 
 
 def export_metrics(service: Service) -> bytes:

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from functools import partial
 
-from farside.engine.live.engine import HeadPose, LiveViewer, Source
-from farside.engine.live.governor import Rung
+from farside.engine.io.images import split_planes
+from farside.engine.live.core import Source
+from farside.engine.live.viewer import HeadPose, LiveViewer
 from farside.engine.rig.camera import Perspective, Pose
-from farside.engine.rig.viewer import StereoPicture, StereoView, home_pose
+from farside.engine.rig.viewer import EncodedPair, StereoView, home_pose
 from starlette.websockets import WebSocket
 
 from .inbox import receive
-from .pictures import encode_texture
 from .protocol import (
     MAX_CONTROL_BYTES,
     CloseCode,
+    Picture,
     PoseUpdate,
     ProtocolError,
     Scene,
     Stereo,
     ViewerHello,
     decode,
-    encode,
     pose_from_wire,
     pose_to_wire,
     vector_from_wire,
@@ -41,8 +41,10 @@ async def serve_viewer(socket: WebSocket, service: Service) -> None:
         with service.live.viewer(client, _view_of(hello)) as viewer:
             await service.welcome(socket, client)
             pictures = viewer.run(
-                lambda wanted: partial(_finish, hello.encoding, service.rung, wanted.tag, viewer.dropped),
-                socket.send_bytes,
+                hello.encoding,
+                lambda wanted: partial(
+                    _send_pair, socket, hello.encoding, wanted.tag, viewer.dropped, service.rung.name
+                ),
                 lambda source: send(socket, _scene(hello.axes, source)),
             )
             await race(pictures, _receive_poses(socket, viewer, hello.axes))
@@ -67,29 +69,32 @@ async def _receive_poses(socket: WebSocket, viewer: LiveViewer[PoseUpdate], axes
         viewer.look(HeadPose(pose, update.time, update, velocity, update.seen))
 
 
-def _finish(encoding: str, rung: Rung, pose: PoseUpdate, dropped: int, picture: StereoPicture) -> bytes:
-    """The message of a picture; done where the picture is."""
-    left, right = (
-        encode_texture(eye.texture, encoding, rung.settings.jpeg_quality) for eye in (picture.left, picture.right)
+async def _send_pair(
+    socket: WebSocket, encoding: str, pose: PoseUpdate, dropped: int, rung: str, pair: EncodedPair
+) -> None:
+    """The message of a pose's pair."""
+    report = pair.report
+    left, right = (_picture(eye, encoding, report.height, report.width) for eye in (pair.left, pair.right))
+    message = Stereo(
+        pose.seq,
+        pose.time,
+        pose.position,
+        pose.orientation,
+        report.frame_index,
+        report.width,
+        report.height,
+        left,
+        right,
+        report.stages,
+        report.holes,
+        dropped,
+        rung,
     )
-    height, width = picture.left.texture.y.shape
-    return encode(
-        Stereo(
-            pose.seq,
-            pose.time,
-            pose.position,
-            pose.orientation,
-            picture.frame_index,
-            width,
-            height,
-            left,
-            right,
-            picture.stages,
-            picture.holes,
-            dropped,
-            rung.name,
-        )
-    )
+    await send(socket, message)
+
+
+def _picture(data: bytes, encoding: str, height: int, width: int) -> Picture:
+    return Picture(encoding, (data,) if encoding == "jpeg" else tuple(split_planes(data, height, width)))
 
 
 def _scene(axes: str, source: Source) -> Scene:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-__all__ = ["ColouredMesh", "srgb_from_ycbcr", "to_glb", "to_ply"]
+__all__ = ["ColouredMesh", "srgb_from_ycbcr", "to_file", "to_glb", "to_ply"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +39,14 @@ def srgb_from_ycbcr(ycbcr: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
     rgb = np.stack([y + 1.5748 * cr, y - 0.1873 * cb - 0.4681 * cr, y + 1.8556 * cb], axis=-1)
     codes: npt.NDArray[np.uint8] = np.rint(np.clip(rgb, 0.0, 1.0) * 255.0).astype(np.uint8)
     return codes
+
+
+def to_file(mesh: ColouredMesh, file_format: str) -> bytes:
+    """The bytes of a file, glb or ply; raises ValueError for another format."""
+    writers = {"glb": to_glb, "ply": to_ply}
+    if file_format not in writers:
+        raise ValueError(f"format: {file_format!r}: expected one of {', '.join(writers)}")
+    return writers[file_format](mesh)
 
 
 def to_glb(mesh: ColouredMesh) -> bytes:

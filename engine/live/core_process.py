@@ -20,20 +20,17 @@ import numpy as np
 
 from ..rig.camera import Camera
 from ..rig.frame import Frame, Lent, View
-from ..rig.viewer import StereoView
+from ..rig.viewer import EncodedPair, StereoView
+from ..settings import Settings
+from .core import Core, CoreLostError, Look, Updated
 from .frame_memory import lay_out, open_memory
 from .interpreter import SETTLES_AFTER, SWITCH_S, set_aside
-from .newest import Newest
 
-__all__ = ["Apart", "CoreLostError"]
+__all__ = ["ProcessCore"]
 
 _START = "from farside.engine.live.core_process import serve; serve()"
 _END_S = 10.0  # then a process that was told to end is killed
 _PACKET = 1 << 16  # bytes; settings are less
-
-
-class CoreLostError(RuntimeError):
-    """The core's process has ended."""
 
 
 class _Answer(NamedTuple):
@@ -46,16 +43,16 @@ class _Question(NamedTuple):
     """Where do the viewers look now?"""
 
 
-class Apart:
-    """A core in a process of its own, used as the core is (`engine.Core`); and `run` does other work beside it.
+class ProcessCore:
+    """A core in a process of its own (`core.Core`).
 
     Every thread that calls has a thread over there that works for it. Frames go there as the name of the memory that
-    they lie in, where they have one (`Frame.lent`), and stay reserved until nobody there reads them. What `make` and
-    work are is pickled. Raises CoreLostError where the process has ended; what the core raises is raised here.
+    they lie in, where they have one (`Frame.lent`), and stay reserved until nobody there reads them. `make` is called
+    over there, with the arguments, and gives the core that does the work; it is pickled, as is what is asked and
+    answered. Raises CoreLostError where the process has ended; what the core raises is raised here.
     """
 
-    def __init__(self, make: Callable[..., Any], *arguments: Any, f_vin: float = 30.0) -> None:
-        self.f_vin = f_vin
+    def __init__(self, make: Callable[..., Core], *arguments: Any) -> None:
         self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._process = subprocess.Popen(
@@ -75,41 +72,48 @@ class Apart:
             self.close()
             raise
 
-    def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
-        """What `work(core, *arguments)` gives over there."""
-        return self._ask(_run, work, *arguments)
+    def give_way(self, niceness: int) -> None:
+        """What the calling thread asks for is worked at behind everything else, over there."""
+        self._ask(_call, "give_way", niceness)
 
-    def update(self, frame: Frame, viewers: Mapping[str, StereoView], speeds: Mapping[str, float]) -> Any:
-        """Take a frame; where `viewers` look is asked for when it is wanted."""
+    def update(self, frame: Frame, look: Look, speeds: Mapping[str, float], f_vin: float) -> Updated:
+        """Take a frame; the status also has the process' `pid`."""
         number = next(self._numbers)
         self._frames[number] = frame
         cameras = tuple(view.camera for view in frame.views)
         what = (frame.index, cameras, frame.lent) if frame.lent is not None else frame
         try:
-            return self._ask(_update, number, what, dict(speeds), self.f_vin, viewers=viewers)
+            updated: Updated = self._ask(_update, number, what, dict(speeds), f_vin, look=look)
         finally:
             if frame.lent is None:  # they have a copy
                 del self._frames[number]
+        return Updated(updated.stages, {**updated.status, "pid": self.pid})
 
-    def render(self, view: StereoView, viewer: str | None = None) -> Any:
-        """Render the newest frame; pictures are large: `run` can bring back less."""
-        return self.run(_render, view, viewer)
+    def picture(self, view: StereoView, viewer: str, encoding: str) -> EncodedPair:
+        """Both eyes' pictures of the newest frame, encoded over there."""
+        pair: EncodedPair = self._ask(_call, "picture", view, viewer, encoding)
+        return pair
 
-    def retune(self, settings: Any) -> None:
+    def retune(self, settings: Settings) -> None:
         """Render from the next picture on with other settings; waits for nothing."""
         try:
             self._control.send(pickle.dumps(settings))
         except OSError as error:
             raise self._lost() from error
 
-    def mesh(self) -> Any:
-        """The background model."""
-        return self.run(_mesh)
+    def mesh(self, file_format: str) -> bytes:
+        """The background model as a file, made over there."""
+        data: bytes = self._ask(_call, "mesh", file_format)
+        return data
 
-    def status(self) -> dict[str, Any]:
-        """The core's own figures, and its process."""
-        figures: dict[str, Any] = self.run(_status)
-        return figures
+    def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
+        """What `work(core, *arguments)` gives over there: for looking into the process."""
+        return self._ask(_run, work, *arguments)
+
+    @property
+    def held_frames(self) -> int:
+        """How many frames are kept for who reads them over there."""
+        return len(self._frames)
 
     @property
     def pid(self) -> int:
@@ -122,13 +126,13 @@ class Apart:
             _end(self._control, self._process)
         self._lines = threading.local()
 
-    def _ask(self, *work: Any, viewers: Mapping[str, StereoView] | None = None) -> Any:
+    def _ask(self, *work: Any, look: Look = dict) -> Any:
         message = pickle.dumps(work, protocol=5)
         try:
             line = self._line()
             line.send_bytes(message)
             while isinstance(answer := pickle.loads(line.recv_bytes()), _Question):
-                line.send_bytes(pickle.dumps(dict(viewers.items()) if viewers else {}))
+                line.send_bytes(pickle.dumps(dict(look())))
         except (EOFError, OSError) as error:
             raise self._lost() from error
         for number in answer.released:
@@ -176,7 +180,7 @@ class _There:
     """What the threads of the core's process have in common."""
 
     def __init__(self) -> None:
-        self.core: Any = None
+        self.core: Core
         self.updates = 0
         self.released: deque[int] = deque()
         self._maps: dict[Lent, Any] = {}
@@ -201,8 +205,12 @@ class _There:
         return [self.released.popleft() for _ in range(len(self.released))]
 
 
-def _make(there: _There, line: Connection, make: Callable[..., Any], *arguments: Any) -> None:
+def _make(there: _There, line: Connection, make: Callable[..., Core], *arguments: Any) -> None:
     there.core = make(*arguments)
+
+
+def _call(there: _There, line: Connection, method: str, *arguments: Any) -> Any:
+    return getattr(there.core, method)(*arguments)
 
 
 def _run(there: _There, line: Connection, work: Callable[..., Any], *arguments: Any) -> Any:
@@ -211,32 +219,18 @@ def _run(there: _There, line: Connection, work: Callable[..., Any], *arguments: 
 
 def _update(
     there: _There, line: Connection, number: int, what: Any, speeds: Mapping[str, float], f_vin: float
-) -> Any:
-    def look() -> dict[str, StereoView]:
+) -> Updated:
+    def look() -> Mapping[str, StereoView]:
         line.send_bytes(pickle.dumps(_Question()))
         views: dict[str, StereoView] = pickle.loads(line.recv_bytes())
         return views
 
-    there.core.f_vin = f_vin
     frame = what if isinstance(what, Frame) else there.frame(number, *what)
-    report = there.core.update(frame, Newest(look), speeds)
+    updated = there.core.update(frame, look, speeds, f_vin)
     there.updates += 1
     if there.updates in SETTLES_AFTER:
         set_aside()
-    return report
-
-
-def _render(core: Any, view: StereoView, viewer: str | None) -> Any:
-    return core.render(view, viewer)
-
-
-def _mesh(core: Any) -> Any:
-    return core.mesh()
-
-
-def _status(core: Any) -> dict[str, Any]:
-    figures: dict[str, Any] = core.status()
-    return figures | {"pid": os.getpid()}
+    return updated
 
 
 def serve() -> NoReturn:

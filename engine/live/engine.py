@@ -1,8 +1,8 @@
-"""The live engine: asyncio around the synchronous core.
+"""The live engine: asyncio around a core.
 
-Two rates that do not wait for each other: video frames go to one back-end thread (f_vin), poses to a few
-front-end threads (f_ren). Neither is ever queued: the newest complete frame and each viewer's newest pose
-win, what they overtake is dropped and counted. Everything but the work itself happens on the event loop.
+Two rates that do not wait for each other: video frames go to one back-end thread (f_vin), poses to a few front-end
+threads (f_ren). Neither is ever queued: the newest complete frame and each viewer's newest pose win, what they overtake
+is dropped and counted. Everything but the work itself happens on the event loop.
 """
 
 from __future__ import annotations
@@ -11,160 +11,23 @@ import asyncio
 import logging
 import math
 import time
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager, contextmanager
-from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any, Self
 
-from ..io.mesh_files import ColouredMesh
-from ..rig.camera import Camera, Pose
 from ..rig.frame import Frame
-from ..rig.viewer import StereoPicture, StereoView
-from ..settings import Settings
-from ..support.runtime import give_way
-from .core_process import Apart, CoreLostError
+from ..rig.viewer import EncodedPair, StereoView
+from .core import Core, CoreLostError, Source
 from .governor import Governor
-from .newest import Newest
 from .timing import Activity, Longest, Rate, StallMonitor, Timings
 from .update_priority import FIRM, GENTLE, Patience
+from .viewer import LiveViewer
 
-__all__ = ["Core", "HeadPose", "Live", "LiveViewer", "Source"]
+__all__ = ["Live"]
 
 _log = logging.getLogger(__name__)
-Tag = TypeVar("Tag")
-IN_FLIGHT = 2  # pictures that may be on their way to a viewer that tells what it has seen
-
-
-class Report(Protocol):
-    """What a back-end update says of itself."""
-
-    @property
-    def stages(self) -> Mapping[str, float]:
-        """Milliseconds by stage."""
-
-
-class Core(Protocol):
-    """What the live engine needs of the synchronous core; `pipeline.engine.Engine` has it."""
-
-    f_vin: float
-
-    def update(self, frame: Frame, viewers: Mapping[str, StereoView], speeds: Mapping[str, float]) -> Report:
-        """Take a frame and make it the one that is rendered; in the back-end thread. `viewers` change meanwhile."""
-
-    def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
-        """Render the newest frame; in any thread."""
-
-    def retune(self, settings: Settings) -> None:
-        """Render from the next picture on as these settings say; in any thread."""
-
-    def mesh(self) -> ColouredMesh:
-        """The background model; in any thread."""
-
-    def status(self) -> dict[str, Any]:
-        """The core's own figures."""
-
-    def close(self) -> None:
-        """Nobody asks for anything any more."""
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """What is on: a source's name, nominal frame rate (1/s) and cameras."""
-
-    name: str
-    fps: float
-    cameras: tuple[Camera, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class HeadPose(Generic[Tag]):
-    """A pose at a time on the viewer's clock (s), velocity in m/s where known; `tag` comes back untouched.
-
-    `seen` is how many pictures the viewer has received, where it tells: then a slow network queues none.
-    """
-
-    pose: Pose
-    time: float
-    tag: Tag
-    velocity: tuple[float, float, float] | None = None
-    seen: int | None = None
-
-
-class LiveViewer(Generic[Tag]):
-    """One viewer: its newest pose, what was rendered for it, and how fast its head moves."""
-
-    def __init__(self, live: Live, name: str, view: StereoView) -> None:
-        self._live, self.name, self.view = live, name, view
-        self._wanted: HeadPose[Tag] | None = None
-        self._last: HeadPose[Tag] | None = None
-        self.wake = asyncio.Event()
-        self.speed = 0.0  # m/s
-        self.rendered = 0
-        self.dropped = 0
-        self.rate = Rate()
-
-    def look(self, wanted: HeadPose[Tag]) -> None:
-        """The head has moved; a pose that was not rendered yet is dropped."""
-        self.dropped += self._wanted is not None
-        self._measure_speed(wanted)
-        self._wanted = self._last = wanted
-        self.view = self.view.moved(wanted.pose)
-        self.wake.set()
-
-    def _measure_speed(self, new: HeadPose[Tag], smoothing_s: float = 0.1, fastest: float = 10.0) -> None:
-        if new.velocity is not None:
-            self.speed = min(math.hypot(*new.velocity), fastest)
-        elif self._last is not None and new.time > self._last.time:
-            elapsed = new.time - self._last.time
-            speed = min(math.dist(new.pose.position, self._last.pose.position) / elapsed, fastest)
-            self.speed += (1.0 - math.exp(-elapsed / smoothing_s)) * (speed - self.speed)
-
-    async def run(
-        self,
-        finish: Callable[[HeadPose[Tag]], Callable[[StereoPicture], bytes]],
-        send: Callable[[bytes], Awaitable[None]],
-        announce: Callable[[Source], Awaitable[None]],
-    ) -> None:
-        """Render and send until cancelled; what `finish` gives (encoding) runs where the core is, so it is pickled."""
-        announced = None
-        while True:
-            await self.wake.wait()
-            self.wake.clear()
-            source = self._live.source
-            if source is not None and source is not announced:
-                announced = source
-                await announce(source)
-            core = self._live.shown
-            if self._wanted is None or core is None or self._congested():
-                continue  # the next pose, frame or scene wakes
-            wanted, self._wanted = self._wanted, None
-            start = time.monotonic()
-            view = self.view.moved(wanted.pose)
-            data, stages = await self._live.picture(core, view, self.name, finish(wanted))
-            self._live.rendered(self.name, stages, start)
-            self.rendered += 1
-            self.rate.count()
-            await send(data)
-
-    def _congested(self) -> bool:
-        seen = self._wanted.seen if self._wanted is not None else None
-        return seen is not None and self.rendered - seen >= IN_FLIGHT
-
-    def status(self) -> dict[str, Any]:
-        """Figures for people and monitors."""
-        return {
-            "rendered": self.rendered,
-            "dropped": self.dropped,
-            "rate": self.rate.per_second(),
-            "speed": self.speed,
-        }
-
-
-def _at(core: Core, work: Callable[..., Any], *arguments: Any) -> Any:
-    """Do work with a core where it is: here, or in a process of its own."""
-    return core.run(work, *arguments) if isinstance(core, Apart) else work(core, *arguments)
 
 
 class Live(AbstractAsyncContextManager["Live"]):
@@ -237,7 +100,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         core = await asyncio.to_thread(self._make_core, source)
         loop = asyncio.get_running_loop()
         for niceness, thread in self._back_ends.items():
-            await loop.run_in_executor(thread, _at, core, _give_way, niceness)
+            await loop.run_in_executor(thread, core.give_way, niceness)  # a late frame is less noticed than a picture
         return core
 
     def offer(self, frame: Frame) -> asyncio.Future[bool]:
@@ -271,15 +134,14 @@ class Live(AbstractAsyncContextManager["Live"]):
                 settled.cancel()  # only where a shutdown came in between
 
     async def _update(self, core: Core, source: Source, frame: Frame, settled: asyncio.Future[bool]) -> None:
-        viewers = Newest(lambda: {name: viewer.view for name, viewer in list(self._viewers.items())})
         speeds = {name: viewer.speed for name, viewer in self._viewers.items()}
         # The PBI lasts until the next one is ready: the attained rate counts, not the nominal one.
-        core.f_vin = min(source.fps, self.frame_rate.per_second() or source.fps)
+        f_vin = min(source.fps, self.frame_rate.per_second() or source.fps)
         loop, start, first = asyncio.get_running_loop(), time.monotonic(), self.shown is not core
         try:
             with self._updates.running():
-                stages, status = await loop.run_in_executor(
-                    self._back_ends[self._patience.niceness], _timed_update, core, frame, viewers, speeds
+                updated = await loop.run_in_executor(
+                    self._back_ends[self._patience.niceness], core.update, frame, self._look, speeds, f_vin
                 )
         except Exception as error:  # a boundary: whoever offered the frame is told, the service goes on
             self._fail(frame, settled, error)
@@ -287,15 +149,19 @@ class Live(AbstractAsyncContextManager["Live"]):
             return
         if not first:
             self._patience.observe(time.monotonic() - start, 1.0 / source.fps)
-        self.timings.add(stages, "update.")
+        self.timings.add(updated.stages, "update.")
         self.frames["updated"] += 1
         self.frame_rate.count()
-        self._core_status = status
+        self._core_status = dict(updated.status)
         if core is self._core and self.shown is not core:
             self.shown = core
             self._wake_viewers()
         if not settled.done():
             settled.set_result(True)
+
+    def _look(self) -> dict[str, StereoView]:
+        """Where the viewers look now; in any thread."""
+        return {name: viewer.view for name, viewer in list(self._viewers.items())}
 
     def _fail(self, frame: Frame, settled: asyncio.Future[bool], error: Exception) -> None:
         _log.error("frame %d could not be taken", frame.index, exc_info=error)
@@ -318,19 +184,17 @@ class Live(AbstractAsyncContextManager["Live"]):
         finally:
             del self._viewers[name]
 
-    async def picture(
-        self, core: Core, view: StereoView, viewer: str, finish: Callable[[StereoPicture], bytes]
-    ) -> tuple[bytes, dict[str, float]]:
-        """A viewer's finished picture and milliseconds by stage, rendered in a render thread."""
-        loop = asyncio.get_running_loop()
+    async def picture(self, core: Core, view: StereoView, viewer: str, encoding: str) -> EncodedPair:
+        """A viewer's pair, rendered and encoded in a render thread."""
+        loop, start = asyncio.get_running_loop(), time.monotonic()
         try:
-            done: tuple[bytes, dict[str, float]] = await loop.run_in_executor(
-                self._front_end, _at, core, _picture, view, viewer, finish
-            )
+            pair = await loop.run_in_executor(self._front_end, core.picture, view, viewer, encoding)
         except CoreLostError as error:
             self._give_up(core, error)
             raise
-        return done
+        report = pair.report
+        self._account(viewer, report.stages | {"encode": report.encode_ms, "total": report.total_ms}, start)
+        return pair
 
     def _give_up(self, core: Core, error: Exception) -> None:
         """Where a core's process has ended, the next source to come gets another."""
@@ -342,7 +206,7 @@ class Live(AbstractAsyncContextManager["Live"]):
             (frame, settled), self._pending = self._pending, None
             self._fail(frame, settled, error)
 
-    def rendered(self, viewer: str, stages: Mapping[str, float], start: float) -> None:
+    def _account(self, viewer: str, stages: Mapping[str, float], start: float) -> None:
         """Account for a viewer's stereo picture that was asked for at a moment of the monotonic clock."""
         self.timings.add(stages, "render.")
         self.picture_rate.count()
@@ -359,14 +223,13 @@ class Live(AbstractAsyncContextManager["Live"]):
             for core in filter(None, (self.shown, self._core)):
                 core.retune(self.governor.rung.settings)
 
-    async def mesh(self, convert: Callable[[ColouredMesh], bytes]) -> bytes:
-        """The background model, converted, in a thread of its own; ValueError before the first frame."""
+    async def mesh(self, file_format: str) -> bytes:
+        """The background model as a file (`Core.mesh`), in a thread of its own; ValueError before the first frame."""
         core = self.shown
         if core is None:
             raise ValueError("mesh: there is none before the first frame: expected a source to be playing")
         loop = asyncio.get_running_loop()
-        data: bytes = await loop.run_in_executor(self._exports, _at, core, _mesh, convert)
-        return data
+        return await loop.run_in_executor(self._exports, core.mesh, file_format)
 
     @property
     def viewer_count(self) -> int:
@@ -393,32 +256,3 @@ class Live(AbstractAsyncContextManager["Live"]):
             "engine": self._core_status,
             "governor": self.governor and self.governor.status(time.monotonic()),
         }
-
-
-def _timed_update(
-    core: Core, frame: Frame, viewers: Mapping[str, StereoView], speeds: Mapping[str, float]
-) -> tuple[dict[str, float], dict[str, Any]]:
-    start = time.perf_counter()
-    report = core.update(frame, viewers, speeds)
-    total = 1e3 * (time.perf_counter() - start)
-    return {**report.stages, "total": total}, core.status()
-
-
-def _give_way(core: Core, niceness: int) -> None:
-    """A late frame is less noticed than a late picture."""
-    give_way(niceness)
-
-
-def _picture(
-    core: Core, view: StereoView, viewer: str, finish: Callable[[StereoPicture], bytes]
-) -> tuple[bytes, dict[str, float]]:
-    start = time.perf_counter()
-    picture = core.render(view, viewer)
-    rendered = time.perf_counter()
-    data = finish(picture)
-    encode, total = time.perf_counter() - rendered, time.perf_counter() - start
-    return data, picture.stages | {"encode": 1e3 * encode, "total": 1e3 * total}
-
-
-def _mesh(core: Core, convert: Callable[[ColouredMesh], bytes]) -> bytes:
-    return convert(core.mesh())

@@ -11,12 +11,12 @@ from ..rendering.cpu_renderer import CpuRenderer
 from ..rendering.renderer import Renderer
 from ..rig.camera import Camera
 from ..rig.frame import Frame
-from ..rig.viewer import RenderedPicture, StereoPicture, StereoView
+from ..rig.viewer import EncodedPair, RenderedPicture, StereoPicture, StereoView
 from ..settings import Settings
 from ..support.array_types import F64
 from .back_end import BackEnd, BackEndReport
 from .front_buffer import DoubleBuffer, FrontBuffer
-from .front_end import render_camera, render_pair
+from .front_end import render_camera, render_encoded, render_pair
 from .viewpoint import Look, Viewer
 
 __all__ = ["BackEndReport", "Engine", "Viewer"]
@@ -112,6 +112,10 @@ class Engine:
         left, right, selecting = render_pair(front, view, viewer, lambda picture: picture)
         left.report.stages.add("select", selecting["select"], selecting.cpu["select"])
         return StereoPicture(left, right, front.frame_index)
+
+    def render_encoded(self, view: StereoView, viewer: str | None = None, encoding: str = "jpeg") -> EncodedPair:
+        """As `render`, but both eyes as bytes: jpeg (of the settings' quality) or raw (`io.images.encode_picture`)."""
+        return render_encoded(self._newest(), view, viewer, encoding)
 
     def render_camera(self, camera: Camera, viewer: str | None = None) -> RenderedPicture:
         """Render one virtual camera of any projection from the newest frame; ValueError before the first."""

@@ -5,20 +5,22 @@ It reads the front buffer and nothing else: the back end may be at work on the n
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TypeVar
 
 from ..background.exposure import to_picture
+from ..io.images import encode_picture
 from ..rendering.renderer import PictureTask
 from ..rig.camera import Camera
 from ..rig.selection import view_shares
-from ..rig.viewer import RenderedPicture, StereoView
+from ..rig.viewer import EncodedPair, PairReport, RenderedPicture, StereoPicture, StereoView
 from ..support.array_types import F64
 from ..support.stages import Stages, timed
 from .front_buffer import FrontBuffer
 from .viewpoint import Viewer, head_camera, scaled, selected
 
-__all__ = ["render_camera", "render_pair"]
+__all__ = ["render_camera", "render_encoded", "render_pair"]
 
 T = TypeVar("T")
 
@@ -32,6 +34,24 @@ def render_pair(
         task = _task(front, view, view.eyes(front.content.scene.coding), viewer)
     left, right = front.prepared.render(task, finish)
     return left, right, stages
+
+
+def render_encoded(front: FrontBuffer, view: StereoView, viewer: str | None, encoding: str) -> EncodedPair:
+    """Both eyes' pictures as bytes (`io.images.encode_picture`), each encoded in the thread that drew it."""
+    start, quality = time.perf_counter(), front.settings.jpeg_quality
+
+    def encode(picture: RenderedPicture) -> tuple[RenderedPicture, bytes, float]:
+        begun = time.perf_counter()
+        data = encode_picture(picture.texture, encoding, quality)
+        return picture, data, 1e3 * (time.perf_counter() - begun)
+
+    (left, left_data, left_ms), (right, right_data, right_ms), selecting = render_pair(front, view, viewer, encode)
+    pair, (height, width) = StereoPicture(left, right, front.frame_index), left.texture.y.shape
+    total_ms = 1e3 * (time.perf_counter() - start)
+    report = PairReport(
+        front.frame_index, width, height, pair.holes, pair.stages | selecting, left_ms + right_ms, total_ms
+    )
+    return EncodedPair(left_data, right_data, report)
 
 
 def render_camera(front: FrontBuffer, camera: Camera, viewer: str | None) -> RenderedPicture:

@@ -15,7 +15,15 @@ from .camera import Camera, Perspective, Pose
 from .depth import DepthCoding
 from .frame import Texture
 
-__all__ = ["PictureReport", "RenderedPicture", "StereoPicture", "StereoView", "home_pose"]
+__all__ = [
+    "EncodedPair",
+    "PairReport",
+    "PictureReport",
+    "RenderedPicture",
+    "StereoPicture",
+    "StereoView",
+    "home_pose",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +119,31 @@ class StereoPicture:
     def holes(self) -> float:
         """Fraction of pixels that only filling could colour, both eyes together."""
         return 0.5 * (self.left.report.holes_backdrop + self.right.report.holes_backdrop)
+
+
+@dataclass(frozen=True, slots=True)
+class PairReport:
+    """How a stereo pair came about: the video frame that it shows, an eye's size in pixels, the fraction of pixels that
+    only filling could colour, milliseconds of rendering by stage and of encoding, both eyes together, and from asking
+    to the encoded pair.
+    """
+
+    frame_index: int
+    width: int
+    height: int
+    holes: float
+    stages: dict[str, float]
+    encode_ms: float
+    total_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedPair:
+    """Both eyes' pictures as bytes (`io.images.encode_picture`)."""
+
+    left: bytes
+    right: bytes
+    report: PairReport
 
 
 def home_pose(cameras: Sequence[Camera]) -> Pose:

@@ -14,17 +14,14 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from farside.engine.live.core_process import Apart, CoreLostError
-from farside.engine.live.engine import Source
+from farside.engine.live.core import CoreLostError, Look, Source, Updated
+from farside.engine.live.core_process import ProcessCore
 from farside.engine.live.frame_memory import FrameBuffers
-from farside.engine.live.newest import Newest
 from farside.engine.rig.camera import Pose
 from farside.engine.rig.frame import Frame, View
 from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
-from farside.engine.support.runtime import give_way
 from support.doubles import CAMERAS, HANG_S, FakeCore, a_frame
 
 SOURCE = Source("test", 30.0, CAMERAS)
@@ -44,11 +41,14 @@ class Watcher(FakeCore):
     frame: Frame | None = None
     seen: tuple[float, ...] = ()
 
-    def update(self, frame: Frame, viewers: Mapping[str, StereoView], speeds: Mapping[str, float]) -> Any:
-        views = *viewers.values(), *dict(viewers.items()).values()
-        self.seen = tuple(view.pose.position[0] for view in views)
+    def update(self, frame: Frame, look: Look, speeds: Mapping[str, float], f_vin: float) -> Updated:
+        self.seen = tuple(view.pose.position[0] for view in (*look().values(), *look().values()))
         self.frame = frame
-        return super().update(frame, dict(viewers), speeds)
+        return super().update(frame, dict, speeds, f_vin)
+
+
+def looking() -> dict[str, StereoView]:
+    return {"a": VIEW}
 
 
 def lumas(core: Watcher) -> set[int]:
@@ -93,10 +93,6 @@ def let_go(core: FakeCore) -> None:
     core.updating.open()
 
 
-def yield_cores(core: FakeCore) -> None:
-    give_way(7)
-
-
 def niceness(core: FakeCore) -> tuple[int, int]:
     """Of the thread, and of its process."""
     return os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), os.getpriority(os.PRIO_PROCESS, os.getpid())
@@ -108,10 +104,10 @@ def _importable(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def core() -> Iterator[Apart]:
-    apart = Apart(Watcher, SOURCE)
-    yield apart
-    apart.close()
+def core() -> Iterator[ProcessCore]:
+    made = ProcessCore(Watcher, SOURCE)
+    yield made
+    made.close()
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -121,35 +117,34 @@ def until(condition: Callable[[], bool]) -> None:
         time.sleep(0.001)
 
 
-def test_it_is_used_as_the_core_is(core: Apart) -> None:
-    core.f_vin = 12.0
-    report = core.update(a_frame(7), {"a": VIEW}, {"a": 0.5})
-    assert report.stages == {"background": 1.0}
-    assert core.render(VIEW, "a").frame_index == 7
-    assert core.status() == {"frame_index": 7, "pid": core.pid}
+def test_it_is_used_as_the_core_is(core: ProcessCore) -> None:
+    updated = core.update(a_frame(7), looking, {"a": 0.5}, 12.0)
+    assert updated == Updated({"background": 1.0, "total": 2.0}, {"frame_index": 7, "pid": core.pid})
     assert core.pid != os.getpid()
-    np.testing.assert_array_equal(core.mesh().triangles, [[0, 1, 2]])
+    here = FakeCore(SOURCE, updates=[7])
+    assert core.picture(VIEW, "a", "raw") == here.picture(VIEW, "a", "raw")
+    assert core.mesh("ply") == here.mesh("ply")
     assert core.run(known) == ([7], {"a": 0.5}, 12.0, None)
     settings = Settings.preset("fast")
     core.retune(settings)
     until(lambda: core.run(known)[3] == settings)
 
 
-def test_where_viewers_look_is_asked_for_when_it_is_wanted(core: Apart) -> None:
+def test_where_viewers_look_is_asked_for_when_it_is_wanted(core: ProcessCore) -> None:
     asked = [0.0]
 
     def look() -> dict[str, StereoView]:
         asked[0] += 1.0
         return {"a": VIEW.moved(Pose((asked[0], 0.0, 0.0)))}
 
-    core.update(a_frame(0), Newest(look), {})
+    core.update(a_frame(0), look, {}, 30.0)
     first, second = core.run(seen)
     assert first < second <= asked[0]
 
 
-def test_what_the_core_raises_is_raised_here_and_it_goes_on(core: Apart) -> None:
+def test_what_the_core_raises_is_raised_here_and_it_goes_on(core: ProcessCore) -> None:
     with pytest.raises(IndexError):
-        core.render(VIEW)  # before any frame
+        core.picture(VIEW, "a", "raw")  # before any frame
     with pytest.raises(RuntimeError, match="OddError: 1 and 2"):
         core.run(odd)
     with pytest.raises((AttributeError, RuntimeError), match="lambda"):
@@ -160,7 +155,7 @@ def test_what_the_core_raises_is_raised_here_and_it_goes_on(core: Apart) -> None
 def test_a_core_that_cannot_be_made_leaves_no_process() -> None:
     before = set(children())
     with pytest.raises(ValueError, match="too odd"):
-        Apart(refuse)
+        ProcessCore(refuse)
     assert set(children()) == before
 
 
@@ -168,7 +163,7 @@ def children() -> list[str]:
     return Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
 
 
-def test_lent_frames_are_read_where_they_are_and_given_back_when_nobody_reads_them(core: Apart) -> None:
+def test_lent_frames_are_read_where_they_are_and_given_back_when_nobody_reads_them(core: ProcessCore) -> None:
     freed: list[int] = []
     buffers = FrameBuffers(CAMERAS, 2, "farside-test", lambda: freed.append(1))
     for index in range(4):
@@ -180,7 +175,7 @@ def test_lent_frames_are_read_where_they_are_and_given_back_when_nobody_reads_th
         views = tuple(View(camera, *buffer.planes[camera.name]) for camera in CAMERAS)
         frame = Frame(index, views, buffers.lent(buffer.number))
         del buffer, views, planes
-        core.update(frame, {}, {})
+        core.update(frame, dict, {}, 30.0)
         del frame
         gc.collect()
         assert core.run(lumas) == {100 + index}
@@ -188,32 +183,32 @@ def test_lent_frames_are_read_where_they_are_and_given_back_when_nobody_reads_th
     buffers.close()
 
 
-def test_lent_memory_that_is_not_there_is_an_error_and_nothing_is_kept(core: Apart) -> None:
+def test_lent_memory_that_is_not_there_is_an_error_and_nothing_is_kept(core: ProcessCore) -> None:
     buffers = FrameBuffers(CAMERAS, 1, "farside-test")
     lent = buffers.lent(0)._replace(name="farside-other")
     with pytest.raises(OSError, match="expected farside-other"):
-        core.update(dataclasses.replace(a_frame(0), lent=lent), {}, {})
-    assert not core._frames
+        core.update(dataclasses.replace(a_frame(0), lent=lent), dict, {}, 30.0)
+    assert core.held_frames == 0
     buffers.close()
 
 
-def test_pictures_are_rendered_while_an_update_takes_its_time(core: Apart) -> None:
-    core.update(a_frame(0), {}, {})
+def test_pictures_are_rendered_while_an_update_takes_its_time(core: ProcessCore) -> None:
+    core.update(a_frame(0), dict, {}, 30.0)
     core.run(hold)
     with ThreadPoolExecutor(1) as back_end:
-        update = back_end.submit(core.update, a_frame(1), {}, {})
+        update = back_end.submit(core.update, a_frame(1), dict, {}, 30.0)
         assert core.run(wait_until_held)
-        assert core.render(VIEW).frame_index == 0
+        assert core.picture(VIEW, "a", "raw").report.frame_index == 0
         assert not update.done()
         core.run(let_go)
         update.result(HANG_S)
-    assert core.render(VIEW).frame_index == 1
+    assert core.picture(VIEW, "a", "raw").report.frame_index == 1
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="priorities by thread are Linux'")
-def test_a_thread_that_gives_way_does_so_over_there_and_no_other_does(core: Apart) -> None:
+def test_a_thread_that_gives_way_does_so_over_there_and_no_other_does(core: ProcessCore) -> None:
     with ThreadPoolExecutor(1) as back_end:
-        back_end.submit(core.run, yield_cores).result()
+        back_end.submit(core.give_way, 7).result()
         there, process = back_end.submit(core.run, niceness).result()
     assert there == min(process + 7, 19)
     assert core.run(niceness) == (process, process)
@@ -221,24 +216,24 @@ def test_a_thread_that_gives_way_does_so_over_there_and_no_other_does(core: Apar
 
 
 @pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGTERM])
-def test_when_its_process_ends_all_who_ask_are_told(core: Apart, by: int) -> None:
+def test_when_its_process_ends_all_who_ask_are_told(core: ProcessCore, by: int) -> None:
     with pytest.raises(CoreLostError, match=f"the engine's process ended by {signal.Signals(by).name}"):
         core.run(die, by)
     with pytest.raises(CoreLostError), ThreadPoolExecutor(1) as another:
-        another.submit(core.render, VIEW).result()
+        another.submit(core.picture, VIEW, "a", "raw").result()
     with pytest.raises(CoreLostError):
         core.retune(Settings.preset("fast"))
 
 
 def test_the_process_ends_with_the_core_and_keyboard_interrupts_are_not_for_it() -> None:
-    core = Apart(Watcher, SOURCE)
+    core = ProcessCore(Watcher, SOURCE)
     assert os.getpgid(core.pid) != os.getpgid(0)
     core.close()
     core.close()
     assert str(core.pid) not in children()
     with pytest.raises(CoreLostError):
-        core.status()
-    dropped = Apart(Watcher, SOURCE)
+        core.mesh("glb")
+    dropped = ProcessCore(Watcher, SOURCE)
     pid = str(dropped.pid)
     del dropped
     until(lambda: pid not in children())

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 from farside.engine.live.back_buffer import BackBuffer, OrderError
-from farside.engine.live.core_process import CoreLostError
-from farside.engine.live.engine import HeadPose, Live, LiveViewer, Source
+from farside.engine.live.core import CoreLostError, Source
+from farside.engine.live.engine import Live
 from farside.engine.live.timing import Activity, Longest, Rate, StallMonitor, Timings
 from farside.engine.live.update_priority import FIRM, GENTLE, Patience
+from farside.engine.live.viewer import HeadPose, LiveViewer
 from farside.engine.rig.camera import Camera, Pose
-from farside.engine.rig.viewer import StereoPicture, StereoView
-from support.doubles import CAMERAS, HANG_S, FakeCore, Gate, a_frame, a_view
+from farside.engine.rig.viewer import EncodedPair, StereoView
+from support.doubles import CAMERAS, HANG_S, Cores, FakeCore, Gate, a_frame, a_view
 
 SOURCE = Source("test", 30.0, CAMERAS)
 VIEW = StereoView.symmetric(Pose(), 16, 16, 1.5)
@@ -46,18 +47,18 @@ class Screen:
         self.ready = asyncio.Event()
         self.ready.set()
 
-    def finish(self, wanted: HeadPose[int]) -> Callable[[StereoPicture], bytes]:
-        return lambda picture: bytes([wanted.tag, picture.frame_index])
+    def deliver(self, wanted: HeadPose[int]) -> Callable[[EncodedPair], Awaitable[None]]:
+        async def send(pair: EncodedPair) -> None:
+            await self.ready.wait()
+            self.seen.append((wanted.tag, pair.report.frame_index))
 
-    async def send(self, data: bytes) -> None:
-        await self.ready.wait()
-        self.seen.append((data[0], data[1]))
+        return send
 
     async def announce(self, source: Source) -> None:
         self.scenes.append(source.name)
 
     def watch(self, viewer: LiveViewer[int]) -> asyncio.Task[None]:
-        return asyncio.create_task(viewer.run(self.finish, self.send, self.announce))
+        return asyncio.create_task(viewer.run("raw", self.deliver, self.announce))
 
 
 def look(viewer: LiveViewer[int], tag: int, x: float = 0.0) -> None:
@@ -106,10 +107,10 @@ def test_a_camera_that_was_not_announced_is_refused() -> None:
 
 def test_the_newest_frame_overtakes_the_waiting_one() -> None:
     async def scenario() -> None:
-        async with Live(FakeCore) as live:
+        cores = Cores()
+        async with Live(cores) as live:
             await live.open(SOURCE)
-            core = live._core
-            assert isinstance(core, FakeCore)
+            (core,) = cores.made
             core.updating.close()
             first = live.offer(a_frame(0))
             await asyncio.to_thread(core.updating.entered.wait, HANG_S)
@@ -126,10 +127,10 @@ def test_the_newest_frame_overtakes_the_waiting_one() -> None:
 
 def test_a_frame_that_the_core_refuses_is_reported_and_the_next_one_is_taken() -> None:
     async def scenario() -> None:
-        async with Live(FakeCore) as live:
+        cores = Cores()
+        async with Live(cores) as live:
             await live.open(SOURCE)
-            core = live._core
-            assert isinstance(core, FakeCore)
+            (core,) = cores.made
             core.bad_frames = {1}
             assert await live.offer(a_frame(0))
             with pytest.raises(ValueError, match="frame: 1: expected a better one"):
@@ -153,7 +154,7 @@ def test_the_same_cameras_keep_the_model_others_begin_anew() -> None:
             await live.open(Source("other", 25.0, CAMERAS[:1]))
             assert live.shown is None  # nothing to show before its first frame
             with pytest.raises(ValueError, match="mesh: there is none before the first frame"):
-                await live.mesh(lambda mesh: b"")
+                await live.mesh("ply")
             await live.offer(a_frame(0, CAMERAS[:1]))
             assert live.shown is not core
 
@@ -186,7 +187,7 @@ def test_a_core_whose_process_has_ended_is_told_of_and_the_next_source_gets_anot
 
     async def scenario() -> None:
         async with Live(FakeCore) as live:
-            for ask in ("update", "render"):
+            for ask in ("update", "picture"):
                 await live.open(SOURCE)
                 await live.offer(a_frame(0))
                 core = live.shown
@@ -216,10 +217,10 @@ def test_frames_that_wait_are_told_of_when_the_core_is_lost() -> None:
         raise CoreLostError("the engine's process ended by SIGKILL")
 
     async def scenario() -> None:
-        async with Live(FakeCore) as live:
+        cores = Cores()
+        async with Live(cores) as live:
             await live.open(SOURCE)
-            core = live._core
-            assert isinstance(core, FakeCore)
+            (core,) = cores.made
             core.updating.close()
             core.update = lambda *asked: lose(core)
             frames = [live.offer(a_frame(0))]
@@ -247,7 +248,7 @@ def test_a_picture_that_ends_with_a_lost_core_says_nothing_of_the_next_one() -> 
             assert isinstance(core, FakeCore)
             core.rendering.close()
             core.update = lose
-            core.render = lambda *asked: lose(core.rendering.pass_through())
+            core.picture = lambda *asked: lose(core.rendering.pass_through())
             with live.viewer("a", VIEW) as viewer:
                 look(viewer, 1)
                 watching = Screen().watch(viewer)
@@ -301,30 +302,28 @@ def test_the_back_end_gives_way_until_it_takes_too_long_and_cores_are_closed_in_
             niceness.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
             return super().update(*given)
 
-        def render(self, *given: Any) -> Any:
+        def picture(self, *given: Any) -> Any:
             niceness.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
-            return super().render(*given)
+            return super().picture(*given)
 
     async def scenario() -> None:
         screen = Screen()
-        async with Live(Nice, patience=patience) as live:
+        cores = Cores(Nice)
+        async with Live(cores, patience=patience) as live:
             await live.open(SOURCE)
             await live.offer(a_frame(0))
             patience.longest_s = 0.0
             await live.offer(a_frame(1))
             await live.offer(a_frame(2))
             assert live.status()["update_niceness"] == FIRM
-            shown = live.shown
             with live.viewer("a", VIEW) as viewer:
                 watching = screen.watch(viewer)
                 look(viewer, 1)
                 await until(lambda: bool(screen.seen))
                 watching.cancel()
             await live.open(Source("other", 25.0, CAMERAS[:1]))
-            core = live._core
-        assert isinstance(shown, Nice)
-        assert isinstance(core, Nice)
-        assert core.closed
+        assert len(cores.made) == 2
+        assert cores.made[1].closed
 
     run(scenario)
     usual = os.getpriority(os.PRIO_PROCESS, os.getpid())
@@ -509,10 +508,10 @@ def test_an_update_knows_every_viewers_pose_and_speed() -> None:
                 await live.offer(a_frame(0))
                 core = live.shown
                 assert isinstance(core, FakeCore)
-                assert core.viewers["a"].pose.position == (199 / 50, 0.0, 0.0)
+                assert core.look()["a"].pose.position == (199 / 50, 0.0, 0.0)
                 assert core.speeds == {"a": pytest.approx(2.0, rel=1e-3), "b": 5.0}
             await live.offer(a_frame(1))
-            assert core.viewers == {}
+            assert core.look() == {}
 
     run(scenario)
 
@@ -533,10 +532,10 @@ def test_a_clock_that_stands_or_goes_back_does_not_disturb_the_speed(times: tupl
 
 def test_shutdown_waits_for_the_update_and_leaves_no_thread_and_no_future_behind() -> None:
     async def scenario() -> None:
-        async with Live(FakeCore) as live:
+        cores = Cores()
+        async with Live(cores) as live:
             await live.open(SOURCE)
-            core = live._core
-            assert isinstance(core, FakeCore)
+            (core,) = cores.made
             core.updating.close()
             under_way = live.offer(a_frame(0))
             await asyncio.to_thread(core.updating.entered.wait, HANG_S)
@@ -545,7 +544,7 @@ def test_shutdown_waits_for_the_update_and_leaves_no_thread_and_no_future_behind
         assert core.updates == [0]
         assert under_way.done()
         assert waiting.result() is False
-        assert all(task.done() for task in live._tasks)
+        assert asyncio.all_tasks() == {asyncio.current_task()}
 
     run(scenario)
 

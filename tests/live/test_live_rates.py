@@ -6,10 +6,12 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 import pytest
-from farside.engine.live.engine import HeadPose, Live, LiveViewer, Source
+from farside.engine.live.core import Source
+from farside.engine.live.engine import Live
+from farside.engine.live.viewer import HeadPose, LiveViewer
 from farside.engine.rig.camera import Pose
-from farside.engine.rig.viewer import StereoPicture, StereoView
-from support.doubles import CAMERAS, HANG_S, FakeCore, a_frame
+from farside.engine.rig.viewer import EncodedPair, StereoView
+from support.doubles import CAMERAS, HANG_S, Cores, FakeCore, a_frame
 
 SOURCE = Source("test", 30.0, CAMERAS)
 VIEW = StereoView.symmetric(Pose(), 16, 16, 1.5)
@@ -23,24 +25,24 @@ class Screen:
         self.seen: list[tuple[int, int]] = []
 
     def watch(self, viewer: LiveViewer[int]) -> asyncio.Task[None]:
-        def finish(wanted: HeadPose[int]) -> Callable[[StereoPicture], bytes]:
-            return lambda picture: bytes([wanted.tag, picture.frame_index])
+        def deliver(wanted: HeadPose[int]) -> Callable[[EncodedPair], Awaitable[None]]:
+            async def send(pair: EncodedPair) -> None:
+                self.seen.append((wanted.tag, pair.report.frame_index))
 
-        async def send(data: bytes) -> None:
-            self.seen.append((data[0], data[1]))
+            return send
 
         async def announce(_source: Source) -> None:
             pass
 
-        return asyncio.create_task(viewer.run(finish, send, announce))
+        return asyncio.create_task(viewer.run("raw", deliver, announce))
 
 
 def run(scenario: Callable[[Live, FakeCore, LiveViewer[int], Screen], Awaitable[None]]) -> None:
     async def whole() -> None:
-        async with asyncio.timeout(HANG_S), Live(FakeCore) as live:
+        cores, screen = Cores(), Screen()
+        async with asyncio.timeout(HANG_S), Live(cores) as live:
             await live.open(SOURCE)
-            core, screen = live._core, Screen()
-            assert isinstance(core, FakeCore)
+            (core,) = cores.made
             with live.viewer("a", VIEW) as viewer:
                 watching = screen.watch(viewer)
                 await scenario(live, core, viewer, screen)

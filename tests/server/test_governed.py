@@ -27,10 +27,10 @@ class Slow(FakeCore):
 
     balanced_s = 0.0
 
-    def render(self, view, viewer=None):
+    def picture(self, view, viewer, encoding):
         (cost,) = (rung.cost for rung in LADDER if rung.settings == self.settings)
         time.sleep(Slow.balanced_s * cost)
-        return super().render(view.scaled(self.settings.output_scale), viewer)
+        return super().picture(view.scaled(self.settings.output_scale), viewer, encoding)
 
 
 def status(url):

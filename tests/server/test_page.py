@@ -18,7 +18,7 @@ from farside.engine.rig.viewer import StereoView
 from farside.server.pictures import encode_view
 from farside.server.protocol import FrameDone, SourceHello
 from PIL import Image
-from support.doubles import CAMERAS, FakeCore, a_frame, flat
+from support.doubles import CAMERAS, FakeCore, a_frame
 from support.serving import running
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -34,15 +34,14 @@ pytestmark = pytest.mark.skipif(not CHROMIUM.exists(), reason=f"there is no {CHR
 class Ramp(FakeCore):
     """Pictures whose brightness follows the head: the page's picture tells where the head is."""
 
-    def render(self, view: StereoView, viewer: str | None = None):
-        pair = super().render(view, viewer)
+    def paint(self, view: StereoView):
+        eyes = super().paint(view)
         ahead = view.pose.rotation()[:, 0]
         shade = 500 + 200 * math.tanh(2 * view.pose.position[0]) + 100 * math.atan2(ahead[1], ahead[0])
-        for eye in (pair.left, pair.right):
+        for eye in eyes:
             ramp = np.linspace(-60, 60, view.left.width).astype(np.int64)
-            eye.texture = flat(view.left.width, view.left.height, 0)
-            eye.texture.y[:] = np.clip(int(shade) + ramp, 64, 940)
-        return pair
+            eye.y[:] = np.clip(int(shade) + ramp, 64, 940)
+        return eyes
 
 
 @contextmanager

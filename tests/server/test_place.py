@@ -14,8 +14,9 @@ from typing import Any
 
 import pytest
 from farside.clients.connection import Peer, RefusedError, base_url, connect
-from farside.engine.live.core_process import Apart, CoreLostError
-from farside.engine.live.engine import Live, Source
+from farside.engine.live.core import CoreLostError, Source
+from farside.engine.live.core_process import ProcessCore
+from farside.engine.live.engine import Live
 from farside.engine.live.frame_memory import FrameBuffers
 from farside.engine.rig.camera import Camera
 from farside.server import inbox, ingest
@@ -404,10 +405,10 @@ def test_engines_in_processes_of_their_own_are_lost_and_replaced_while_all_cores
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
-    made: list[Apart] = []
+    made: list[ProcessCore] = []
 
-    def make(source: Source) -> Apart:
-        made.append(Apart(FakeCore, source))
+    def make(source: Source) -> ProcessCore:
+        made.append(ProcessCore(FakeCore, source))
         return made[-1]
 
     async def scenario(url: str) -> None:

@@ -20,8 +20,7 @@ import pytest
 import trimesh
 from farside.clients.connection import Peer, RefusedError, base_url, connect, persist
 from farside.clients.serve import listen, server_settings
-from farside.engine.live.core_process import CoreLostError
-from farside.engine.live.engine import Source
+from farside.engine.live.core import CoreLostError
 from farside.engine.live.frame_memory import Planes, open_buffer
 from farside.engine.rig.camera import Pose
 from farside.engine.rig.frame import Frame
@@ -41,7 +40,7 @@ from farside.server.protocol import (
     Welcome,
 )
 from farside.server.settings import ServerSettings
-from support.doubles import CAMERAS, FakeCore, a_view
+from support.doubles import CAMERAS, Cores, FakeCore, a_view
 from support.serving import running
 from websockets.asyncio.client import connect as raw_connect
 from websockets.exceptions import ConnectionClosed
@@ -49,17 +48,6 @@ from websockets.exceptions import ConnectionClosed
 HANG_S = 30.0
 SOURCE = SourceHello("walls", 30.0, CAMERAS)
 VIEWER = ViewerHello.symmetric(32, 24, 1.5)
-
-
-class Cores:
-    """Makes cores and remembers them."""
-
-    def __init__(self) -> None:
-        self.made: list[FakeCore] = []
-
-    def __call__(self, source: Source) -> FakeCore:
-        self.made.append(FakeCore(source))
-        return self.made[-1]
 
 
 @pytest.fixture
@@ -469,7 +457,7 @@ def test_an_engine_that_is_lost_is_told_to_its_clients_and_replaced(url: str, co
         raise CoreLostError("the engine's process ended by SIGKILL")
 
     async def scenario() -> None:
-        for ask in ("update", "render"):
+        for ask in ("update", "picture"):
             async with connect(url, SOURCE) as (source, _), connect(url, VIEWER) as (viewer, _):
                 await send_frame(source, 0)
                 setattr(cores.made[-1], ask, lose)

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from farside.engine.io.mesh_files import ColouredMesh
-from farside.engine.live.engine import Source
+from farside.engine.io.images import encode_picture
+from farside.engine.io.mesh_files import ColouredMesh, to_file
+from farside.engine.live.core import Look, Source, Updated
 from farside.engine.rig.camera import Camera, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Frame, Texture, View
-from farside.engine.rig.viewer import StereoView
+from farside.engine.rig.viewer import EncodedPair, PairReport, StereoView
 from farside.engine.settings import Settings
+from farside.engine.support.runtime import give_way
 
-__all__ = ["CAMERAS", "FakeCore", "a_frame", "a_view", "flat"]
+__all__ = ["CAMERAS", "Cores", "FakeCore", "Gate", "a_frame", "a_view", "flat"]
 
 HANG_S = 20.0  # only a deadlock takes this long
 CODING = DepthCoding(0.5, 10.0)
@@ -46,25 +47,6 @@ def a_frame(index: int, cameras: tuple[Camera, ...] = CAMERAS) -> Frame:
 
 
 @dataclass
-class Report:
-    stages: dict[str, float]
-
-
-@dataclass
-class Eye:
-    texture: Texture
-
-
-@dataclass
-class StereoPair:
-    left: Eye
-    right: Eye
-    frame_index: int
-    stages: dict[str, float] = field(default_factory=lambda: {"warp": 1.0})
-    holes: float = 0.25
-
-
-@dataclass
 class Gate:
     """Holds threads up until opened; opened unless closed."""
 
@@ -88,12 +70,12 @@ class Gate:
 
 @dataclass
 class FakeCore:
-    """The live engine's view of a core, with faults and delays on demand."""
+    """A core (`live.core.Core`) with faults and delays on demand."""
 
     source: Source
     f_vin: float = 0.0
     updates: list[int] = field(default_factory=list)
-    viewers: Mapping[str, StereoView] = field(default_factory=dict)
+    look: Look = dict
     speeds: Mapping[str, float] = field(default_factory=dict)
     rendered: list[StereoView] = field(default_factory=list)
     bad_frames: set[int] = field(default_factory=set)
@@ -103,32 +85,50 @@ class FakeCore:
     updating: Gate = field(default_factory=Gate)
     rendering: Gate = field(default_factory=Gate)
 
-    def update(self, frame: Frame, viewers: Mapping[str, StereoView], speeds: Mapping[str, float]) -> Report:
+    def give_way(self, niceness: int) -> None:
+        give_way(niceness)
+
+    def update(self, frame: Frame, look: Look, speeds: Mapping[str, float], f_vin: float) -> Updated:
         self.updating.pass_through()
         if frame.index in self.bad_frames:
             raise ValueError(f"frame: {frame.index}: expected a better one")
         self.updates.append(frame.index)
-        self.viewers, self.speeds = viewers, speeds
-        return Report({"background": 1.0})
+        self.look, self.speeds, self.f_vin = look, speeds, f_vin
+        return Updated({"background": 1.0, "total": 2.0}, {"frame_index": frame.index})
 
-    def render(self, view: StereoView, viewer: str | None = None) -> StereoPair:
+    def picture(self, view: StereoView, viewer: str, encoding: str) -> EncodedPair:
         self.rendering.pass_through()
         if self.fail_render:
             raise RuntimeError("the renderer broke")
         self.rendered.append(view)
+        left, right = (encode_picture(texture, encoding) for texture in self.paint(view))
+        report = PairReport(self.updates[-1], view.left.width, view.left.height, 0.25, {"warp": 1.0}, 1.0, 2.0)
+        return EncodedPair(left, right, report)
+
+    def paint(self, view: StereoView) -> tuple[Texture, Texture]:
+        """Both eyes' pictures."""
         luma = 64 + 8 * self.updates[-1]
-        left, right = (Eye(flat(eye.width, eye.height, luma)) for eye in (view.left, view.right))
-        return StereoPair(left, right, self.updates[-1])
+        return flat(view.left.width, view.left.height, luma), flat(view.right.width, view.right.height, luma)
 
     def retune(self, settings: Settings) -> None:
         self.settings = settings
 
-    def mesh(self) -> ColouredMesh:
+    def mesh(self, file_format: str) -> bytes:
         vertices = np.array([[1.0, 0, 0], [1, 1, 0], [1, 0, 1]])
-        return ColouredMesh(vertices, np.array([[0, 1, 2]], np.int32), np.full((3, 3), 128, np.uint8))
-
-    def status(self) -> dict[str, Any]:
-        return {"frame_index": self.updates[-1]}
+        mesh = ColouredMesh(vertices, np.array([[0, 1, 2]], np.int32), np.full((3, 3), 128, np.uint8))
+        return to_file(mesh, file_format)
 
     def close(self) -> None:
         self.closed = True
+
+
+class Cores:
+    """Makes cores for sources, and remembers them."""
+
+    def __init__(self, kind: Callable[[Source], FakeCore] = FakeCore) -> None:
+        self._kind = kind
+        self.made: list[FakeCore] = []
+
+    def __call__(self, source: Source) -> FakeCore:
+        self.made.append(self._kind(source))
+        return self.made[-1]

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from farside.clients.serve import listen
-from farside.engine.live.engine import Core, Source
+from farside.engine.live.core import Core, Source
 from farside.server.app import make_server
 from farside.server.settings import ServerSettings
 
