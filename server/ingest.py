@@ -10,16 +10,14 @@ import time
 from typing import NoReturn
 
 from farside.engine.live.back_buffer import BackBuffer, OrderError
-from farside.engine.live.core_process import CoreLostError
-from farside.engine.live.engine import Source
+from farside.engine.live.core import CoreLostError, Source
 from farside.engine.live.frame_memory import FrameBuffer, FrameBuffers
-from farside.engine.rig.frame import Frame
+from farside.engine.rig.frame import Frame, View
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from .inbox import Inbox
 from .pictures import decode_view
 from .protocol import (
-    MAX_CONTROL_BYTES,
     BufferFree,
     CloseCode,
     FrameDone,
@@ -106,38 +104,39 @@ class _Ingest:
 
     async def _take(self, data: bytes) -> None:
         start = time.perf_counter()
-        if len(data) <= MAX_CONTROL_BYTES:  # less work than it is to hand it over
-            message = decode(data, ViewData)
-        else:
-            message = await asyncio.to_thread(decode, data, ViewData)
-        if self._arriving is None:
-            self._arriving = await self._granted_for(message)
-        elif message.buffer not in (None, self._arriving.number):
-            expected = f"{self._arriving.number} for all of a frame"
-            raise ProtocolError(CloseCode.ORDER, "buffer", message.buffer, expected)
-        view = await asyncio.to_thread(decode_view, message, self._cameras, self._arriving.planes)
+        while self._arriving is None and not self._granted:  # a frame begins: its views need memory
+            self._granted_one.clear()
+            await self._granted_one.wait()
+        index, view = await asyncio.to_thread(self._receive_view, data)
         self._live.timings.add({"ingest": 1e3 * (time.perf_counter() - start)})
         try:
-            frame = self._back_buffer.add(message.frame, view)
+            frame = self._back_buffer.add(index, view)
         except OrderError as error:
             raise ProtocolError(CloseCode.ORDER, error.field, error.value, error.expected) from error
-        if frame is not None:
+        if frame is not None and self._arriving is not None:
             frame = dataclasses.replace(frame, lent=self._buffers.lent(self._arriving.number))
             self._arriving = None
             await self._credits.acquire()
             self._offer(frame)
 
-    async def _granted_for(self, message: ViewData) -> FrameBuffer:
-        """The buffer of a frame that begins."""
-        if message.buffer is not None:
-            if self.memory is None or message.buffer not in self._granted:
-                expected = "one of those given: " + ", ".join(map(str, self._granted)) if self.memory else "none"
-                raise ProtocolError(CloseCode.ORDER, "buffer", message.buffer, expected)
-            return self._granted.pop(message.buffer)
-        while not self._granted:
-            self._granted_one.clear()
-            await self._granted_one.wait()
-        return self._granted.pop(next(iter(self._granted)))
+    def _receive_view(self, data: bytes) -> tuple[int, View]:
+        """The number of a frame, and its view in a message, put into the frame's buffer; in a worker thread."""
+        message = decode(data, ViewData)
+        if self._arriving is None:
+            self._arriving = self._granted_for(message)
+        elif message.buffer not in (None, self._arriving.number):
+            expected = f"{self._arriving.number} for all of a frame"
+            raise ProtocolError(CloseCode.ORDER, "buffer", message.buffer, expected)
+        return message.frame, decode_view(message, self._cameras, self._arriving.planes)
+
+    def _granted_for(self, message: ViewData) -> FrameBuffer:
+        """The buffer of a frame that begins; meanwhile more may be granted, but none is taken."""
+        if message.buffer is None:
+            return self._granted.popitem()[1]
+        if self.memory is None or message.buffer not in self._granted:
+            expected = "one of those given: " + ", ".join(map(str, self._granted.copy())) if self.memory else "none"
+            raise ProtocolError(CloseCode.ORDER, "buffer", message.buffer, expected)
+        return self._granted.pop(message.buffer)
 
     def _offer(self, frame: Frame) -> None:
         if self._service.source is not self._inbox:
