@@ -13,6 +13,7 @@ import uvicorn
 from farside.engine.live.core import Core, Source, make_local_core
 from farside.engine.live.core_process import ProcessCore
 from farside.engine.live.engine import Live
+from farside.engine.live.interpreter import responsive
 from farside.engine.live.update_priority import Patience
 from fastapi import FastAPI, HTTPException, Request, Response, WebSocket
 from fastapi.responses import FileResponse
@@ -20,7 +21,6 @@ from fastapi.staticfiles import StaticFiles
 
 from .export import MEDIA_TYPES, export_mesh, export_metrics
 from .ingest import serve_source
-from .interpreter import responsive
 from .poses import serve_viewer
 from .service import Service
 from .settings import ServerSettings

@@ -148,7 +148,7 @@ def test_the_engines_process_has_no_web_stack_in_it_whatever_it_was_asked() -> N
     ("module", "absent"),
     [
         ("farside.engine.live.core", ("numba", "trimesh", "simplejpeg", *WEB)),
-        ("farside.engine.live.core_process", ("numba", "trimesh", "simplejpeg", "asyncio", *WEB)),
+        ("farside.engine.live.core_process", ("numba", "trimesh", "simplejpeg", *WEB)),
         ("farside.clients.cli", ("numpy", "numba", "farside.engine", *WEB[:-1])),
         ("farside.server.protocol", ("numba", "fastapi", "uvicorn")),
     ],

@@ -6,8 +6,8 @@ import asyncio
 import gc
 import sys
 
-from farside.server import interpreter
-from farside.server.interpreter import responsive
+from farside.engine.live import interpreter
+from farside.engine.live.interpreter import responsive
 
 
 def test_turns_are_short_and_objects_of_the_start_are_set_aside_when_frames_have_come(monkeypatch) -> None:
