@@ -29,7 +29,7 @@ def command(
     rate: Annotated[float, typer.Option(help="Frames a second.")] = 10.0,
     port: Annotated[int, typer.Option(help="Port (0: any free one).")] = 8765,
     seconds: Annotated[float | None, typer.Option(help="Stop after this long (default: Ctrl-C).")] = None,
-    quality: Annotated[str, typer.Option(help="fast, balanced or best.")] = "fast",
+    quality: Annotated[str, typer.Option(help="fast, balanced, best, or paper (as published).")] = "fast",
     target_fps: Annotated[
         float | None,
         typer.Option(help="Hold this many pairs a second: quality changes with the load, up to --quality at best."),

@@ -30,7 +30,7 @@ def command(
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="The file to write, .glb or .ply.")],
     frames: Annotated[int | None, typer.Option(min=1, help="Of a sequence, how many frames.")] = None,
     sources: Annotated[str | None, typer.Option(help="Of a sequence, views like v0,v3.")] = None,
-    quality: Annotated[str, typer.Option(help="Of a sequence: fast, balanced or best.")] = "balanced",
+    quality: Annotated[str, typer.Option(help="Of a sequence: fast, balanced, best, paper.")] = "balanced",
     token: Annotated[str, typer.Option(envvar="FARSIDE_TOKEN", help="The server's token.")] = "",
 ) -> None:
     """Write the background model of a live server, or of a sequence, as a mesh."""

@@ -49,7 +49,7 @@ def command(
     history: Annotated[
         bool, typer.Option("--history/--no-history", help="Show frames before A to the model first.")
     ] = True,
-    quality: Annotated[str, typer.Option(help="fast, balanced or best.")] = "balanced",
+    quality: Annotated[str, typer.Option(help="fast, balanced, best, or paper (as published).")] = "balanced",
     tolerance: Annotated[
         float | None, typer.Option(help="Triangulation error in pixels; 0: two triangles a pixel.")
     ] = None,

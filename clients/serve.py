@@ -47,7 +47,7 @@ def command(
     host: Annotated[str | None, typer.Option(help="Address to listen on (default 127.0.0.1).")] = None,
     port: Annotated[int | None, typer.Option(help="Port (default 8765; 0: any free one).")] = None,
     token: Annotated[str | None, typer.Option(help="What clients must know (default: nothing).")] = None,
-    quality: Annotated[str | None, typer.Option(help="fast, balanced or best.")] = None,
+    quality: Annotated[str | None, typer.Option(help="fast, balanced, best, or paper (as published).")] = None,
     views: Annotated[int | None, typer.Option(help="Views that render a picture (n_render).")] = None,
     init: Annotated[int | None, typer.Option(help="Views that build the S-PBS (n_init).")] = None,
     update: Annotated[

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 
-__all__ = ["ANTIALIASES", "BACKDROPS", "FILLS", "PER_PICTURE", "QUALITIES", "Settings"]
+__all__ = ["ANTIALIASES", "BACKDROPS", "FILLS", "PER_PICTURE", "PRESETS", "QUALITIES", "Settings"]
 
 FILLS = ("none", "smooth", "structure")
 QUALITIES = ("fast", "balanced", "best")
+PRESETS = (*QUALITIES, "paper")
 ANTIALIASES = ("none", "morphological", "samples")
 BACKDROPS = ("farthest", "standing")
 # What only rendering and encoding a picture read: may change from picture to picture (`Engine.retune`). What the
 # model and the meshes are made by stays as long as the engine lives.
 PER_PICTURE = (
-    "n_render", "fill", "settles", "overdraw", "rims", "output_scale", "blend", "antialias", "cubic", "prefilter",
-    "jpeg_quality",
+    "n_render", "fill", "settles", "overdraw", "ghost_test", "rims", "output_scale", "blend", "antialias", "cubic",
+    "prefilter", "jpeg_quality",
 )  # fmt: skip
 
 
@@ -37,7 +38,11 @@ class Settings:
     edge_px: float | None = None  # disparity step between neighbours that is a depth edge, reprojected pixels
     completion: bool = True  # pixels without depth get one (30 ms of one core a megapixel); others cost nothing
     overdraw: bool = True  # lay the backdrop over everything, not only where the views left holes
+    # The backdrop is not shown where one of the present views looks through it, and where one that is not drawn has a
+    # surface that one is. Without: only depth decides.
+    ghost_test: bool = True
     rims: bool = True  # pixels at depth edges keep their full square where no view has a surface
+    model_rims: bool = True  # they keep it in the background model as well; without: triangles across edges are culled
     baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
     # Heads stay in a ball, x, y, z and radius in metres of the world: what of the background faces away from all of it,
     # or is hidden from it by other background, is not kept. None: they go anywhere.
@@ -50,6 +55,14 @@ class Settings:
     margin_m: float | None = None  # by how much a maximum depth image's surface must be farther than the last one
     backdrop_m: float | None = None  # how far the backdrop is moved backwards; None: by delta at its depth
     culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
+    # Triangles that the rays through pixels missed get rays of their own before they are culled. Without (where
+    # culling_stride is 1 or more), they are culled at once, and only cameras that build the S-PBS cast rays for it.
+    rays_by_triangle: bool = True
+    # A pixel that is found farther joins the P-PBS with so many of its eight neighbours; 0: alone as well.
+    filter_neighbours: int = 3
+    # Maximum depth images take the mean of what is seen again where depth is noisy, and colours at outlines anew.
+    # Without: a pixel changes only when something farther is seen.
+    refine: bool = True
     backdrop: str = "standing"  # shown of the model behind a pixel: the nearest that stands, or the paper's "farthest"
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
     pbi_margin_rad: float = math.radians(3.0)  # what it shows beyond the eyes' frusta, for heads that turn meanwhile
@@ -80,6 +93,10 @@ class Settings:
             raise ValueError(f"fill: {self.fill!r}: expected one of {', '.join(FILLS)}")
         if self.culling_stride < 0:
             raise ValueError(f"culling_stride: {self.culling_stride!r}: expected at least 0")
+        if not (self.rays_by_triangle or self.culling_stride):
+            raise ValueError("rays_by_triangle: False: expected True where culling_stride is 0, as nothing casts rays")
+        if not 0 <= self.filter_neighbours <= 8:
+            raise ValueError(f"filter_neighbours: {self.filter_neighbours!r}: expected 0 to 8")
         for name in ("tolerance_px", "exposure_s", "pbi_margin_rad"):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 0")
@@ -102,15 +119,52 @@ class Settings:
 
     @classmethod
     def preset(cls, quality: str = "balanced", **changes: object) -> Settings:
-        """The settings of a quality (fast, balanced, best), with changes on top."""
+        """The settings of a quality (fast, balanced, best) or of the paper (`Settings.paper`), with changes on top.
+
+        Raises ValueError for an unknown quality, or a change out of range; TypeError for an unknown setting.
+        """
         presets = {
+            "paper": cls.paper(),
             "fast": cls(tolerance_px=0.5, overdraw=False, rims=False, blend=1, pbi_scale=0.33, jpeg_quality=80),
             "balanced": cls(pbi_scale=0.5, cubic=True, antialias="morphological"),
             "best": cls(tolerance_px=0.1, blend=5, cubic=True, antialias="samples"),
         }
         if quality not in presets:
-            raise ValueError(f"quality: {quality!r}: expected one of {', '.join(QUALITIES)}")
+            raise ValueError(f"quality: {quality!r}: expected one of {', '.join(PRESETS)}")
         return replace(presets[quality], **changes)  # type: ignore[arg-type]
+
+    @classmethod
+    def paper(cls) -> Settings:
+        """The published algorithm with its constants, and none of what we have added to it.
+
+        n_render, n_init, n_update: 5, 6 and 1 (section 4.1). delta_m: "the threshold delta, used in the foreground
+        culling process, was set to 0.2" (4.1), at all depths; the paper names no other length, so that margin_m ("only
+        if the new depth is farther by a nontrivial amount", 3.3.3) is delta too. backdrop_m: None, delta ("moved
+        slightly backward", 3.4.2). tolerance_px, max_block_px: "each pixel is responsible for two triangles" (Fig. 4).
+        rims, model_rims: "invalid, long and thin, back-projected triangles along the borders of objects are culled"
+        (Fig. 4), and nothing takes their place; at which depth step (edge_px), the paper does not say.
+        culling_stride: "casting two rays through each pixel of their view planes"; rays_by_triangle: "all triangles
+        except the valid ones are culled", and those rays are cast for the "participating reference cameras" (3.3.2);
+        complementary rays follow every hit within delta (Fig. 6a). filter_neighbours: a candidate is added "when it is
+        more than distance delta behind" (Fig. 6b). refine: each pixel "stores the color and depth to the farthest
+        surface observed" (3.3.3). backdrop: "finding the farthest hits seen from the imaginary camera"; pbi_margin_rad:
+        "slightly larger" than the frusta (3.4.1); pbi_scale 1, as the paper names no other size. overdraw: views "are
+        3D warped onto these background images" (3.4.2), by depth alone (ghost_test). fill: "blended from the colors of
+        neighboring pixels in nonhole areas, with those having farther depths more weighted" (3.4.3); settles: for each
+        picture anew. blend: of the warped triangles the nearest shows. completion, exposure_s, antialias, cubic and
+        prefilter are not in the paper.
+
+        Three steps differ: n_render views are chosen by the overlap of fields of view (3.1 allows it, 4.1 took the
+        nearest cameras); the filter of Fig. 6b casts its rays through the pixels of a camera, the corners of new
+        triangles, not through their centres; and a camera's marks stay until its next turn, when others have theirs.
+        """
+        return cls(
+            n_render=5, n_init=6, n_update=1, delta_m=0.2, delta_disparity=0.0, margin_m=0.2, tolerance_px=0.0,
+            max_block_px=1, rims=False, model_rims=False, culling_stride=1, rays_by_triangle=False,
+            filter_neighbours=0, refine=False, backdrop="farthest", overdraw=True, ghost_test=False, pbi_scale=1.0,
+            fill="smooth", settles=False, blend=1, completion=False, exposure_s=0.0, antialias="none", cubic=False,
+            prefilter=False,
+        )  # fmt: skip
 
     def fixed_as_in(self, other: Settings) -> None:
         """Raises ValueError where something differs that cannot change from picture to picture (`PER_PICTURE`)."""

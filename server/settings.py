@@ -22,7 +22,7 @@ class ServerSettings(BaseSettings):
     host: str = "127.0.0.1"
     port: int = Field(8765, ge=0, le=65535)  # 0: any free one
     token: str = ""  # empty: everyone may connect
-    quality: Literal["fast", "balanced", "best"] = "balanced"
+    quality: Literal["fast", "balanced", "best", "paper"] = "balanced"
     views: int | None = Field(None, ge=1)  # n_render
     init: int | None = Field(None, ge=1)  # n_init
     update: int | None = Field(None, ge=1)  # n_update

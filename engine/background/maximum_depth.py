@@ -31,17 +31,20 @@ class MaximumDepthImage:
     codes uint16 [h, w], texture 10 bit 4:2:0; flags uint8 [h, w], bits: changed since the camera's last turn (UPDATED),
     belongs to the P-PBS (KEPT), the colour was seen at the rim of something nearer (PROVISIONAL); fused uint8 [h, w]:
     how many views depth and colour are the mean of, without elements while they are of one. `edge` is a depth edge's
-    disparity step, 1/m; `tone` is what is done to the view's colours, packed (`kernels.base.tone`). Codes and texture
-    stay where they are for life.
+    disparity step, 1/m; `tone` is what is done to the view's colours, packed (`kernels.base.tone`). Without `refine` no
+    colour is provisional. Codes and texture stay where they are for life.
     """
 
-    def __init__(self, view: View, tolerances: Tolerances, edge: float, tone: npt.ArrayLike = IDENTITY) -> None:
+    def __init__(
+        self, view: View, tolerances: Tolerances, edge: float, tone: npt.ArrayLike = IDENTITY, *, refine: bool = True
+    ) -> None:
         self.camera = view.camera
         self.codes = np.array(view.codes, np.uint16, order="C")  # kernels take addresses
         self.texture = toned_texture(view.texture, tone)
         self.flags = np.zeros(self.codes.shape, np.uint8)
         self.fused = np.empty((0, 0), np.uint8)
-        self._edge = edge
+        self._edge = min(round(edge / view.camera.depth.step), view.camera.depth.max_code)  # in codes
+        self._refine = refine
         self._number = 0  # of the last view taken
         self._turn = 0  # of the last one that was looked at whole
         self.compare_by(tolerances)
@@ -54,7 +57,7 @@ class MaximumDepthImage:
         """Sets what a nontrivial amount is."""
         coding = self.camera.depth
         margins = tolerances.margin_m, tolerances.margin_disparity(coding)
-        edge = min(round(self._edge / coding.step), coding.max_code)
+        edge = self._edge if self._refine else coding.max_code  # which no neighbour is nearer by
         self._rules = _comparison(coding, *margins, edge)
         mark_provisional(self.codes, self._rules, self.flags)
 
@@ -108,7 +111,7 @@ class MaximumDepthImage:
     def table_row(self) -> list[int]:
         """The image as `kernels.background.captures` reads it."""
         addresses = [plane.ctypes.data for plane in (*_planes(self.texture), self.codes)]
-        return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), self._rules.edge]
+        return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), self._edge]
 
 
 @lru_cache(maxsize=1)

@@ -169,17 +169,18 @@ class BackgroundModel:
         self._tolerances = scene_tolerances(frame.views, self.settings)
         with timed(report.stages, "maximum_depth"):
             self._images = [
-                MaximumDepthImage(view, self._tolerances, options.edge, tone)
+                MaximumDepthImage(view, self._tolerances, options.edge, tone, refine=self.settings.refine)
                 for view, options, tone in zip(frame.views, self._options, tones, strict=True)
             ]
             self._first = [sampled_disparity(view.camera, view.codes) for view in frame.views]
             self._image_table[:] = [image.table_row() for image in self._images]
         with timed(report.stages, "triangulate"):
-            self._build_static(frame.views)
+            chosen = self._build_static(frame.views)
         with timed(report.stages, "commit"):
             self._pbs.commit()
         with timed(report.stages, "culling"):
-            self._cull(range(len(self.cameras)), report, share=True)
+            casting = range(len(self.cameras)) if self.settings.rays_by_triangle else chosen
+            self._cull(casting, report, share=True)
         self._flag_hidden(self._pbs.static, frame, report)
         with timed(report.stages, "commit"), self._lock:
             self._pbs.compact_static()
@@ -187,18 +188,21 @@ class BackgroundModel:
         self._cast_version = [self._pbs.version] * len(self.cameras)
         return report
 
-    def _build_static(self, views: Sequence[View]) -> None:
+    def _build_static(self, views: Sequence[View]) -> list[int]:
+        """Makes the S-PBS' triangles; returns the cameras whose they are."""
         coverage = Coverage(self._tolerances.delta, self._origin)
-        for c in choose_views(views, self.settings.n_init):
+        chosen = choose_views(views, self.settings.n_init)
+        for c in chosen:
             keep = coverage.take(views[c], self._options[c].edge)
             mesh = self._triangulate(c, views[c].codes, keep)
             with self._lock:
                 self._pbs.set_static(c, mesh)
+        return chosen
 
     def _triangulate(self, c: int, codes: npt.NDArray[np.uint16], keep: npt.NDArray[np.uint8] | None) -> Mesh:
         """A camera's mesh whose pixels keep their squares at depth edges: a gap of a pixel between someone and the wall
         would be a hole in the background, and let rays through to what is behind."""
-        options = dataclasses.replace(self._options[c], extend_edges=True)
+        options = dataclasses.replace(self._options[c], extend_edges=self.settings.model_rims)
         mesh = triangulate(self.cameras[c], codes, options, origin=self._origin, keep=keep)
         return mesh if self._space is None else self._space.seen(mesh)
 
@@ -213,7 +217,7 @@ class BackgroundModel:
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
         with timed(report.stages, "maximum_depth"):
             self._frames += 1
-            if self._frames in _NOISE_FRAMES:
+            if self._frames in _NOISE_FRAMES and self.settings.refine:
                 self._allow_for_noise(frame)
             for c in self._fixed():
                 report.updated += self._images[c].update(frame.views[c], tones[c], whole=c in group)
@@ -309,7 +313,7 @@ class BackgroundModel:
         counts = np.empty((len(blocks), triangle_filter.COUNTS_SIZE), np.int64)
         triangle_filter.filter_pixels(
             self._pbs.tracer, self._packed[c], image.camera.depth.packed(), image.codes, image.flags,
-            self._tolerances.delta, blocks, BLOCK, counts,
+            self._tolerances.delta, self.settings.filter_neighbours, blocks, BLOCK, counts,
         )  # fmt: skip
         image.pending[:] = False
         image.lone[tuple(blocks.T)] = counts[:, triangle_filter.LONE] > 0  # waits until there is more beside it
@@ -343,9 +347,11 @@ class BackgroundModel:
             self._changed.forget(c, list(self._pbs.surfaces()), delta)
             if stride := self.settings.culling_stride:
                 report.rays += mark_background(self._pbs, c, self._packed[c], stride, delta)
-        order = [*cameras, *(c for c in self._fixed() if c not in cameras)]
-        rays, unmarked = mark_missed(self._pbs, order, self._packed, delta, share=share)
-        report.rays += rays
+        unmarked = None
+        if self.settings.rays_by_triangle:
+            order = [*cameras, *(c for c in self._fixed() if c not in cameras)]
+            rays, unmarked = mark_missed(self._pbs, order, self._packed, delta, share=share)
+            report.rays += rays
         with self._lock:
             report.culled += cull_unmarked(self._pbs, unmarked)
 

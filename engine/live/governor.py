@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..settings import PER_PICTURE, Settings
+from ..settings import PER_PICTURE, QUALITIES, Settings
 
 __all__ = ["LADDER", "Governor", "Rung", "make_ladder"]
 
@@ -44,8 +44,14 @@ LADDER: tuple[tuple[str, float, str, Mapping[str, object]], ...] = (
 def make_ladder(quality: str, **given: object) -> list[Rung]:
     """The rungs up to a preset, cheapest first; what is `given` holds on all of them.
 
-    The model and the meshes are made as the preset has them, so that rungs differ only in what rendering reads.
+    The model and the meshes are made as the preset has them, so that rungs differ only in what rendering reads. Raises
+    ValueError for the preset `paper`, which has no cheaper points.
     """
+    if quality not in QUALITIES:
+        raise ValueError(
+            f"quality: {quality!r}: expected one of {', '.join(QUALITIES)} where a frame rate is to be held "
+            "(target_fps): others have no cheaper settings to move to"
+        )
     top = Settings.preset(quality, **given)
     highest = max(number for number, (_, _, preset, _) in enumerate(LADDER) if preset == quality)
     rungs: list[Rung] = []

@@ -123,15 +123,15 @@ class Canvas:
         return sum(self.draw(views[number].mesh(part), target, number, near, math.inf, tiles) for number in having)
 
     def draw_backdrop(
-        self, backdrop: PreparedView, present: ViewTable, drawn: Sequence[int], target: Target, near: float,
+        self, backdrop: PreparedView, present: ViewTable | None, drawn: Sequence[int], target: Target, near: float,
         push: Delta, delta: Delta, *, holes_only: bool = False,
     ) -> int:  # fmt: skip
         """Lay a backdrop behind what was drawn, by `push` farther away than it is (section 3.4.2).
 
         What one of the present views looks through is a ghost of the past and left out; where one that is not among
         `drawn` has a surface on a hole's ray before the backdrop's, that is what is seen
-        (`kernels.rendering.backdrop`). With `holes_only` it is drawn only near holes. Returns the number of triangles
-        drawn.
+        (`kernels.rendering.backdrop`). Without `present` only depths decide. With `holes_only` it is drawn only near
+        holes. Returns the number of triangles drawn.
         """
         tiles = self.holes().tiles if holes_only else self._marked_tiles
         self._backdrop.fill(0.0)
@@ -141,9 +141,13 @@ class Canvas:
         )
         if self._marks is not None:
             antialias.keep_marked(self._marks, self._backdrop)
+        if present is None:
+            seen, others, delta = ViewTable([]), np.empty(0, np.int64), (0.0, 0.0)
+        else:
+            seen, others = present, _others(present, drawn, target)
         backdrop_kernels.lay_backdrop(
-            self._backdrop, target.packed, present.rows, present.addresses, _others(present, drawn, target), push,
-            delta, number, self.disparity, self.winner,
+            self._backdrop, target.packed, seen.rows, seen.addresses, others, push, delta, number, self.disparity,
+            self.winner,
         )  # fmt: skip
         return triangles
 

@@ -131,8 +131,9 @@ class _Drawing:
             raise ValueError("delta: None: expected the background model's where there is a PBI")
         # Section 3.4.2: moved backwards by delta.
         push = delta if self._settings.backdrop_m is None else (self._settings.backdrop_m, 0.0)
+        present = self._content.present if self._settings.ghost_test else None
         return canvas.draw_backdrop(
-            pbi, self._content.present, self._task.chosen, target, self._near, push, delta,
+            pbi, present, self._task.chosen, target, self._near, push, delta,
             holes_only=not self._settings.overdraw,
         )  # fmt: skip
 

@@ -22,13 +22,10 @@ from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Frame, View
 from farside.engine.settings import Settings
 from oracle import standing as slow
-from support.rooms import CODING, camera_row, texture_of
+from support.rooms import CODING, FAR_X, FAR_Y, NEAR_X, NEAR_Y, camera_row, texture_of, wall_with_window
 
 ORIGIN = np.zeros(3)
 DELTA = (0.1, 0.0)
-FAR_X, NEAR_X, POST_X = 6.0, 3.0, 1.5
-WINDOW = 0.5  # half of the side of the square hole in the nearer wall
-FAR_Y, NEAR_Y, POST_Y = 700, 300, 900  # luma
 
 
 def prepared(camera, codes, luma=500):
@@ -131,22 +128,6 @@ def test_a_slanted_surface_is_seen_and_a_depth_edge_is_not():
 
 
 # Two walls, the nearer one with a window
-
-
-def wall_with_window(camera, post=False):
-    """A view of two parallel walls, of which the nearer has a square hole; and of a post before them."""
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
-    start, points = np.array(camera.pose.position), camera.unproject(np.stack([u, v], -1), np.ones_like(u))
-    rays = points - start
-    t = (NEAR_X - start[0]) / rays[..., 0]
-    at = start + t[..., None] * rays
-    hole = (np.abs(at[..., 1]) < WINDOW) & (np.abs(at[..., 2]) < WINDOW)
-    depth, luma = np.where(hole, (FAR_X - start[0]) / rays[..., 0], t), np.where(hole, FAR_Y, NEAR_Y)
-    if post:
-        t = (POST_X - start[0]) / rays[..., 0]
-        on_post = np.abs((start + t[..., None] * rays)[..., 1] - 0.42) < 0.08
-        depth, luma = np.where(on_post, t, depth), np.where(on_post, POST_Y, luma)
-    return View(camera, texture_of(luma), camera.depth.codes(depth))
 
 
 def seen_from(pose, standing):

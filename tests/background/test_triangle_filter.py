@@ -35,7 +35,7 @@ def wall_with_a_gap():
     return Mesh(points, np.zeros((len(points), 2), np.float32), triangles)
 
 
-def slow_filter(camera, mesh, depth, updated, kept):
+def slow_filter(camera, mesh, depth, updated, kept, neighbours):
     """(kept, updated) afterwards: pixel by pixel, each by its own ray."""
     accepted, confirmed = np.zeros(kept.shape, bool), np.zeros(kept.shape, bool)
     for y, x in np.argwhere(updated & ~kept):
@@ -46,13 +46,13 @@ def slow_filter(camera, mesh, depth, updated, kept):
     there = np.pad(kept | accepted, 1).astype(int)
     h, w = kept.shape
     around = sum(there[y : y + h, x : x + w] for y in range(3) for x in range(3)) - there[1:-1, 1:-1]
-    confirmed |= accepted & (around >= 3)
+    confirmed |= accepted & (around >= neighbours)
     return kept | confirmed, accepted & ~confirmed
 
 
 @pytest.mark.parametrize("size", [(40, 32), (33, 25)])
-@pytest.mark.parametrize("share", [1.0, 0.8])
-def test_candidates_are_accepted_as_by_the_slow_twin_with_fewer_rays(size, share):
+@pytest.mark.parametrize(("share", "neighbours"), [(1.0, 3), (0.8, 3), (1.0, 0)])
+def test_candidates_are_accepted_as_by_the_slow_twin_with_fewer_rays(size, share, neighbours):
     camera, mesh = Camera("c", Perspective.from_fov(*size, 1.0), Pose(), CODING), wall_with_a_gap()
     pbs = ProbableBackgroundSurface(1)
     pbs.set_static(0, mesh)
@@ -66,18 +66,19 @@ def test_candidates_are_accepted_as_by_the_slow_twin_with_fewer_rays(size, share
     kept = rng.random(codes.shape) < 0.02
     others = rng.integers(0, 1 << 8, codes.shape, np.uint8) & PROVISIONAL
     flags = np.where(updated, UPDATED, 0).astype(np.uint8) | np.where(kept, KEPT, 0).astype(np.uint8) | others
-    expected, lone = slow_filter(camera, mesh, CODING.depth(codes), updated, kept)
+    expected, lone = slow_filter(camera, mesh, CODING.depth(codes), updated, kept, neighbours)
     candidates, changed, before = np.count_nonzero(updated), np.count_nonzero(updated & kept), np.count_nonzero(kept)
     blocks = np.argwhere(np.ones((-(-size[1] // 8), -(-size[0] // 16))))
     counts = np.empty((len(blocks), COUNTS_SIZE), np.int64)
     filter_pixels(
-        pbs.tracer, camera.packed(), camera.depth.packed(), codes, flags, (DELTA, 0.0), blocks, (8, 16), counts
-    )
+        pbs.tracer, camera.packed(), camera.depth.packed(), codes, flags, (DELTA, 0.0), neighbours, blocks, (8, 16),
+        counts,
+    )  # fmt: skip
     np.testing.assert_array_equal(flags, np.where(expected, KEPT, 0) | np.where(lone, UPDATED, 0) | others)
     totals = counts.sum(axis=0)
     accepted = np.count_nonzero(expected) - before
     expected = {CANDIDATES: candidates, ACCEPTED: accepted, CHANGED: changed, LONE: np.count_nonzero(lone)}
     assert {column: totals[column] for column in expected} == expected
-    assert lone.any()
+    assert lone.any() == (neighbours > 0)
     assert accepted > 66 * share
     assert totals[RAYS] < (0.6 if share == 1 else 0.9) * candidates

@@ -49,6 +49,19 @@ def test_holes_are_filled_and_the_backdrop_is_pushed_back():
     np.testing.assert_allclose(layered(None, 3.0, np.nan, push=0.0).disparity[INNER], 1 / 3.0, rtol=1e-4)
 
 
+def test_without_present_views_only_depth_decides():
+    """What the view looks through is left out where it is asked, and drawn where it is not, before what is live."""
+    canvases = [layered(4.0, 3.0, 4.0), Canvas(HERE.width, HERE.height)]
+    target = Target(HERE, ORIGIN)
+    canvases[1].draw(flat(4.0).mesh(), target, 0, 0.01, 0.0)
+    canvases[1].draw_backdrop(flat(3.0), None, [0], target, 0.01, (PUSH, 0.0), (PUSH, 0.0))
+    assert (canvases[0].winner[INNER] == 0).all()
+    assert (canvases[1].winner[INNER] == 1).all()
+    np.testing.assert_allclose(canvases[1].disparity[INNER], 1 / (3.0 + PUSH), rtol=1e-4)
+    canvases[1].draw_backdrop(flat(3.5), None, [0], target, 0.01, (PUSH, 0.0), (PUSH, 0.0))
+    np.testing.assert_allclose(canvases[1].disparity[INNER], 1 / (3.0 + PUSH), rtol=1e-4)
+
+
 @pytest.mark.parametrize(("depth", "moved"), [(2.0, 0.1), (4.0, 0.32)])
 def test_the_push_follows_depth(depth, moved):
     """0.1 m, or an error of 0.02 of disparity where that is more."""

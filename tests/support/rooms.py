@@ -9,6 +9,9 @@ from farside.engine.rig.frame import Frame, Texture, View
 
 WALL_X, BOX_X = 4.0, 2.5
 WALL_Y, BOX_Y = 300, 800  # luma codes
+FAR_X, NEAR_X, POST_X = 6.0, 3.0, 1.5  # two walls, of which the nearer has a window, and a post before them
+FAR_Y, NEAR_Y, POST_Y = 700, 300, 900
+WINDOW = 0.5  # half of the side of the square hole in the nearer wall
 CODING = DepthCoding(0.5, 20.0, 16, has_invalid=True)
 
 
@@ -46,3 +49,19 @@ def texture_of(luma):
 def frame(index, cameras, box_y=None, **options):
     """All cameras' views at one instant."""
     return Frame(index, tuple(see(camera, box_y, **options) for camera in cameras))
+
+
+def wall_with_window(camera, post=False):
+    """A view of two parallel walls, of which the nearer has a square hole; and of a post before them."""
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
+    start, points = np.array(camera.pose.position), camera.unproject(np.stack([u, v], -1), np.ones_like(u))
+    rays = points - start
+    t = (NEAR_X - start[0]) / rays[..., 0]
+    at = start + t[..., None] * rays
+    hole = (np.abs(at[..., 1]) < WINDOW) & (np.abs(at[..., 2]) < WINDOW)
+    depth, luma = np.where(hole, (FAR_X - start[0]) / rays[..., 0], t), np.where(hole, FAR_Y, NEAR_Y)
+    if post:
+        t = (POST_X - start[0]) / rays[..., 0]
+        on_post = np.abs((start + t[..., None] * rays)[..., 1] - 0.42) < 0.08
+        depth, luma = np.where(on_post, t, depth), np.where(on_post, POST_Y, luma)
+    return View(camera, texture_of(luma), camera.depth.codes(depth))

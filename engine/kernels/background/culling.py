@@ -23,8 +23,9 @@ from .surfaces import MARKS, STRIDE, Triangles
 __all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "extent_px", "list_unmarked", "mark_by_pixel", "mark_by_triangle"]
 
 
-# Toward the centroids of the two triangles that a pixel owns in the quad to its north-east (Fig. 4), a little.
-OFFSETS = ((0.2, -0.1), (0.1, -0.2))
+# From a pixel's centre into the two triangles that it owns in the quad to its north-east (Fig. 4), whichever of the two
+# diagonals divides that: they take turns, and where a corner lies across a depth edge, one triangle is left.
+OFFSETS = ((0.72, -0.47), (0.27, -0.54))
 # Two of the barycentric coordinates of points that stand for a triangle: the centroid first; for triangles that
 # are larger than some pixels in their own picture also points near corners and near the middles of sides.
 _THIRD = 1.0 / 3.0

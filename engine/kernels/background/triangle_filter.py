@@ -18,9 +18,6 @@ from .rays import Tracer, farthest_hit
 __all__ = ["ACCEPTED", "CANDIDATES", "CHANGED", "COUNTS_SIZE", "LONE", "RAYS", "filter_pixels"]
 
 
-# A candidate needs this many of its eight neighbours to be in the P-PBS, or accepted, as well: what someone uncovers
-# is a region, a wrong depth mostly a lone pixel. A corner of two by two pixels has three.
-_NEIGHBOURS = 3
 # More bits of a pixel's flags, while candidates are looked at: spared by one ray for four pixels; those that will be
 # kept, some only if they have enough neighbours.
 _SPARED, _ACCEPTED, _CONFIRMED = 16, 32, 64
@@ -173,9 +170,9 @@ def _judge_spared(
 
 
 @parallel
-def _confirm(flags: U8, blocks: I64, size: tuple[int, int]) -> None:
+def _confirm(flags: U8, neighbours: int, blocks: I64, size: tuple[int, int]) -> None:
     """Accepted pixels with enough neighbours are confirmed."""
-    needed = _NEIGHBOURS + 1  # the pixel itself is among those around it
+    needed = neighbours + 1  # the pixel itself is among those around it
     for k in numba.prange(blocks.shape[0]):
         top, bottom, left, right = _box(blocks, k, size, flags)
         for y in range(top, bottom):
@@ -206,10 +203,13 @@ def _keep(flags: U8, blocks: I64, size: tuple[int, int], counts: I64) -> None:
 
 @serial
 def filter_pixels(
-    tracer: Tracer, camera: F64, coding: Coding, codes: U16, flags: U8, delta: Delta, blocks: I64,
-    size: tuple[int, int], counts: I64,
+    tracer: Tracer, camera: F64, coding: Coding, codes: U16, flags: U8, delta: Delta,
+    neighbours: int, blocks: I64, size: tuple[int, int], counts: I64,
 ) -> None:  # fmt: skip
     """The filter of Fig. 6b: an updated pixel is kept if its point is more than delta behind the farthest hit.
+
+    It also needs `neighbours` of its eight neighbours to be in the P-PBS, or accepted: what someone uncovers is a
+    region, a wrong depth mostly a lone pixel. With 3, the corner of two by two pixels is enough.
 
     Looks at blocks [n, 2] of `size` pixels (rows and columns, even) only, which must hold all updated ones. Four pixels
     on one surface are first asked by one ray; only if it finds them new, or pixels beside them are, each gets its own.
@@ -219,5 +219,5 @@ def filter_pixels(
     _judge_candidates(tracer, camera, coding, codes, flags, delta, blocks, size, counts)
     _drop_spared(flags, blocks, size)
     _judge_spared(tracer, camera, coding, codes, flags, delta, blocks, size, counts)
-    _confirm(flags, blocks, size)
+    _confirm(flags, neighbours, blocks, size)
     _keep(flags, blocks, size, counts)
