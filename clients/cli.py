@@ -17,7 +17,7 @@ COMMANDS = {
     "synth": "Make a twin of one of the known sequences, with ground truth.",
     "info": "List what a sequence holds and what is wrong with it.",
     "render": "Render virtual cameras or a head-pose trace from a sequence.",
-    "compare": "Compare two raw videos: PSNR, WS-PSNR, IV-PSNR, SSIM.",
+    "compare": "Compare two raw videos: PSNR, WS-PSNR, IV-PSNR, SSIM, MS-SSIM, IV-SSIM.",
     "bench": "Measure speed and quality.",
     "serve": "Run the live server.",
     "replay": "Send a sequence to a live server, as a camera rig would.",
@@ -41,7 +41,10 @@ class _LazyGroup(TyperGroup):
 
 
 def _load(name: str) -> Any:
-    function = importlib.import_module(f"farside.clients.{name}").command
+    module = importlib.import_module(f"farside.clients.{name}")
+    if name == "bench":
+        return module.command_group()
+    function = module.command
     single = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     single.command(name, help=function.__doc__ or COMMANDS[name])(function)
     return typer.main.get_command(single)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from farside.engine.evaluation import metrics
+from farside.engine.evaluation import metrics, structural_similarity
 from farside.engine.io.yuv import PixelFormat, RawVideo
 from rich import box
 from rich.console import Console
@@ -31,7 +31,8 @@ def command(
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the figures here.")
     ] = None,
 ) -> None:
-    """Compare two raw videos: PSNR, IV-PSNR and, with --erp, WS-PSNR, in dB, and SSIM, by frame and in the mean."""
+    """Compare two raw videos, by frame and in the mean: PSNR, IV-PSNR and, with --erp, WS-PSNR, in dB; SSIM, MS-SSIM,
+    IV-SSIM and IV-MS-SSIM."""
     width, height = _size(size)
     reference, judged = (RawVideo(path, width, height, PixelFormat(pixel_format)) for path in (ref, test))
     report = compare(reference, judged, _erp(erp))
@@ -78,8 +79,11 @@ def _figures(
         weighted = metrics.ws_psnr(*pictures, erp, bits=bits)
         figures |= {f"ws_psnr_{name}": value for name, value in zip(names, weighted, strict=True)}
     figures["iv_psnr"] = metrics.iv_psnr(*pictures, erp, bits=bits)
-    if min(ref.width, ref.height) >= metrics.WINDOW:
-        figures["ssim"] = metrics.ssim(*pictures, bits=bits)
+    least = min(ref.width, ref.height)
+    if least >= structural_similarity.LEAST_PX:
+        figures |= structural_similarity.structural_similarity(*pictures, erp, bits=bits).figures()
+    if least >= metrics.WINDOW:
+        figures["ssim_gaussian"] = metrics.ssim(*pictures, bits=bits)
     return figures
 
 
@@ -88,13 +92,16 @@ def _table(report: dict[str, object]) -> Table:
     assert isinstance(frames, list)
     assert isinstance(mean, dict)
     table = Table("frame", title="PSNR in dB", box=box.SIMPLE)
-    for name in mean:
-        title = name.replace("psnr", "PSNR").replace("ws_", "WS-").replace("iv_", "IV-").replace("ssim", "SSIM")
+    shown = [name for name in mean if not re.search(r"ssim_(y|cb|cr|gaussian)$", name)]  # the file has all
+    for name in shown:
+        title = name.replace("psnr", "PSNR").replace("ssim", "SSIM")
+        for prefix in ("ws_", "iv_", "ms_"):
+            title = title.replace(prefix, prefix[:2].upper() + "-")
         table.add_column(title.replace("_", " "), justify="right", no_wrap=True)
     for figures in frames:
-        table.add_row(str(figures["frame"]), *(f"{figures[name]:.4f}" for name in mean))
+        table.add_row(str(figures["frame"]), *(f"{figures[name]:.4f}" for name in shown))
     table.add_section()
-    table.add_row("mean", *(f"{value:.4f}" for value in mean.values()))
+    table.add_row("mean", *(f"{mean[name]:.4f}" for name in shown))
     return table
 
 

@@ -19,12 +19,16 @@ from ..rig.frame import Frame, Texture
 from ..rig.viewer import RenderedPicture
 from ..settings import Settings
 from .flicker import FlickerMeter
-from .metrics import erp_range, iv_psnr, psnr, ssim, ws_psnr
+from .metrics import erp_range, iv_psnr, psnr, ws_psnr
 from .peers import nearest_views
 from .silhouettes import judge_silhouettes
+from .structural_similarity import structural_similarity
 from .twin_recording import TwinRecording
 
 __all__ = ["Case", "Judged", "Plan", "Sample", "judge_pictures", "picture_count", "summarise"]
+
+
+_SSIMS = ("ssim", "ms_ssim", "iv_ssim", "iv_ms_ssim")
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +69,8 @@ class Case:
 class Sample:
     """The figures of one picture; None where one does not apply or nothing was there to measure.
 
-    PSNRs in dB (ws_psnr_y for equirectangular cameras). holes_warped, holes_backdrop, ghosts: fractions of pixels
+    PSNRs in dB (ws_psnr_y for equirectangular cameras). SSIMs: see `structural_similarity`; many scales want pictures
+    of at least 32 pixels a side. holes_warped, holes_backdrop, ghosts: fractions of pixels
     before and after the backdrop, and where the model of a twin is too near. flicker: change since the frame before
     over that of the truth, where truth keeps still. bias_px, roughness_px, silhouettes, thin, thin_pixels: twins,
     see `silhouettes`; truth_roughness_px: of the truth itself, whose pictures have four samples a pixel.
@@ -77,6 +82,9 @@ class Sample:
     ws_psnr_y: float | None
     iv_psnr: float
     ssim: float
+    ms_ssim: float | None
+    iv_ssim: float
+    iv_ms_ssim: float | None
     holes_warped: float
     holes_backdrop: float
     ghosts: float | None = None
@@ -171,13 +179,17 @@ class _Player:
 
     def _judge(self, index: int, name: str, picture: RenderedPicture, truth: Texture) -> Sample:
         run, erp = self.run, erp_range(picture.camera)
+        alike = structural_similarity(truth, picture.texture, erp).figures()
         sample = Sample(
             Case(self.material.name, name, len(run.names), run.model, run.quality),
             index,
             psnr(truth, picture.texture)[0],
             ws_psnr(truth, picture.texture, erp)[0] if erp else None,
             iv_psnr(truth, picture.texture, erp),
-            ssim(truth, picture.texture),
+            alike["ssim"],
+            alike.get("ms_ssim"),
+            alike["iv_ssim"],
+            alike.get("iv_ms_ssim"),
             picture.report.holes_warped,
             picture.report.holes_backdrop,
             flicker=_flicker(self.last.get(name), picture, truth),
@@ -224,7 +236,7 @@ def summarise(samples: Sequence[Sample]) -> list[dict[str, object]]:
     rows = []
     for key, group in sorted(groups.items()):
         row: dict[str, object] = dict(zip(("sequence", "quality", "views", "model"), key, strict=True))
-        plain = ("psnr_y", "ws_psnr_y", "iv_psnr", "ssim", "holes_warped", "holes_backdrop", "ghosts", "flicker")
+        plain = ("psnr_y", "ws_psnr_y", "iv_psnr", *_SSIMS, "holes_warped", "holes_backdrop", "ghosts", "flicker")
         row |= {"pictures": len(group)} | {name: _mean(group, name) for name in plain}
         row["worst"] = min(sample.iv_psnr for sample in group)
         row |= {name: _mean(group, name, "silhouettes") for name in ("bias_px", "roughness_px", "truth_roughness_px")}

@@ -1,4 +1,4 @@
-"""Objective quality: PSNR, WS-PSNR and IV-PSNR, as MPEG's IV-PSNR tool prints them, and SSIM.
+"""Objective quality: PSNR, WS-PSNR and IV-PSNR, as MPEG's IV-PSNR tool prints them, and SSIM as first published.
 
 Pictures are 4:2:0 `Texture`s with codes of `bits` bits; chroma is compared at luma resolution (replicated),
 so every plane has the luma's number of pixels N. An error of 0 counts as 1: identical planes have
@@ -43,7 +43,7 @@ def psnr(ref: Texture, test: Texture, *, bits: int = 10) -> tuple[float, float, 
 
 def ws_psnr(ref: Texture, test: Texture, erp: Erp, *, bits: int = 10) -> tuple[float, float, float]:
     """PSNR of Y, Cb and Cr with rows weighted by the solid angle of their pixels, dB."""
-    weights = _row_weights(ref.y.shape[0], erp)
+    weights = row_weights(ref.y.shape[0], erp)
     errors = weights @ _row_errors(ref, test) * (len(weights) / weights.sum())
     return _plane_psnrs(errors, ref, bits)
 
@@ -53,13 +53,11 @@ def iv_psnr(ref: Texture, test: Texture, erp: Erp | None = None, *, bits: int = 
 
     With `erp` rows are weighted by the solid angle of their pixels.
     """
-    _check_sizes(ref, test)
+    check_sizes(ref, test)
     runtime.require_tbb()
-    planes, others = _full(ref), _full(test)
-    limit = round(UNNOTICEABLE * _peak(bits))
-    means = (others.mean(axis=(1, 2), dtype=np.float64) - planes.mean(axis=(1, 2), dtype=np.float64)).tolist()
-    shift = np.array([max(-limit, min(limit, _round(mean))) for mean in means])
-    weights = np.ones(ref.y.shape[0]) if erp is None else _row_weights(ref.y.shape[0], erp)
+    planes, others = full_planes(ref), full_planes(test)
+    shift = colour_shift(planes, others, bits)
+    weights = np.ones(ref.y.shape[0]) if erp is None else row_weights(ref.y.shape[0], erp)
     both = (match_errors(planes, others, shift, WEIGHTS), match_errors(others, planes, -shift, WEIGHTS))
     qualities = [np.array(_plane_psnrs(weights @ rows, ref, bits)) for rows in both]
     return float(min(WEIGHTS @ quality for quality in qualities) / WEIGHTS.sum())
@@ -70,32 +68,39 @@ def ssim(ref: Texture, test: Texture, *, bits: int = 10) -> float:
 
     Raises ValueError where the sizes differ or are less than the window's 11 pixels.
     """
-    _check_sizes(ref, test)
+    check_sizes(ref, test)
     if min(ref.y.shape) < WINDOW:
         raise ValueError(f"picture: {ref.y.shape[::-1]}: expected at least {WINDOW} pixels each way for SSIM")
     runtime.require_tbb()
     offsets = np.arange(WINDOW) - WINDOW // 2
     window = np.exp(-(offsets**2) / (2 * SIGMA**2))
-    rows = similarity_rows(ref.y, test.y, window / window.sum(), (K1 * _peak(bits)) ** 2, (K2 * _peak(bits)) ** 2)
+    rows = similarity_rows(ref.y, test.y, window / window.sum(), (K1 * peak_of(bits)) ** 2, (K2 * peak_of(bits)) ** 2)
     return float(rows.sum() / (rows.size * (ref.y.shape[1] - WINDOW + 1)))
+
+
+def colour_shift(planes: npt.NDArray[np.uint16], others: npt.NDArray[np.uint16], bits: int) -> npt.NDArray[np.int64]:
+    """What a small global colour difference of planes [3, h, w] asks to add to the first: [3], in codes."""
+    limit = round(UNNOTICEABLE * peak_of(bits))
+    means = (others.mean(axis=(1, 2), dtype=np.float64) - planes.mean(axis=(1, 2), dtype=np.float64)).tolist()
+    return np.array([max(-limit, min(limit, _round(mean))) for mean in means])
 
 
 def _row_errors(ref: Texture, test: Texture) -> npt.NDArray[np.int64]:  # [h, 3]
     """Squared errors summed over each row."""
-    _check_sizes(ref, test)
-    difference = _full(ref).astype(np.int64) - _full(test)
+    check_sizes(ref, test)
+    difference = full_planes(ref).astype(np.int64) - full_planes(test)
     errors: npt.NDArray[np.int64] = np.einsum("chw,chw->hc", difference, difference)
     return errors
 
 
-def _full(texture: Texture) -> npt.NDArray[np.uint16]:  # [3, h, w]
+def full_planes(texture: Texture) -> npt.NDArray[np.uint16]:  # [3, h, w]
     """All planes at luma resolution."""
     h, w = texture.y.shape
     chroma = [plane.repeat(2, 0).repeat(2, 1)[:h, :w] for plane in (texture.cb, texture.cr)]
     return np.stack([texture.y, *chroma])
 
 
-def _row_weights(height: int, erp: Erp) -> F64:  # [h]
+def row_weights(height: int, erp: Erp) -> F64:  # [h]
     """Cosines of the rows' elevations, the range centred on the horizon."""
     if not (0 < erp[0] <= 360 and 0 < erp[1] <= 180):
         raise ValueError(f"erp: {erp!r}: expected horizontal and vertical ranges up to 360 and 180 degrees")
@@ -104,12 +109,13 @@ def _row_weights(height: int, erp: Erp) -> F64:  # [h]
 
 
 def _plane_psnrs(errors: npt.NDArray[np.number], ref: Texture, bits: int) -> tuple[float, float, float]:
-    signal = ref.y.size * _peak(bits) ** 2
+    signal = ref.y.size * peak_of(bits) ** 2
     y, cb, cr = (10 * math.log10(signal / (float(error) or 1.0)) for error in errors)
     return y, cb, cr
 
 
-def _peak(bits: int) -> int:
+def peak_of(bits: int) -> int:
+    """The largest code of so many bits."""
     return (1 << bits) - 1
 
 
@@ -118,7 +124,8 @@ def _round(value: float) -> int:
     return int(math.copysign(math.floor(abs(value) + 0.5), value))
 
 
-def _check_sizes(ref: Texture, test: Texture) -> None:
+def check_sizes(ref: Texture, test: Texture) -> None:
+    """Raises ValueError where the sizes differ."""
     if ref.y.shape != test.y.shape:
         size, expected = test.y.shape[::-1], ref.y.shape[::-1]
         raise ValueError(f"test picture: {size}: expected the reference's size {expected}")

@@ -13,9 +13,8 @@ its own (`pbi_scale` is it).
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -25,65 +24,18 @@ from PIL import Image
 
 from ..io.images import decode_jpeg, encode_jpeg
 from ..io.recording import Recording
-from ..live.governor import LADDER
 from ..pipeline.engine import Engine, Viewer
 from ..rig.frame import Frame, Texture
 from ..rig.viewer import RenderedPicture, StereoView
-from ..settings import PER_PICTURE, QUALITIES, Settings
+from ..settings import PER_PICTURE, Settings
 from .metrics import erp_range, iv_psnr, psnr
 from .stages import head_amid, one_thread
+from .trade_variants import Variant
 from .twin_recording import TwinRecording, default_targets
 
-__all__ = ["Plan", "Point", "Row", "Variant", "pareto", "step_count", "summarise", "sweep", "variants"]
+__all__ = ["Plan", "Row", "step_count", "sweep"]
 
 T = TypeVar("T")
-
-KNOBS: dict[str, tuple[object, ...]] = {
-    "tolerance_px": (0.0, 0.1, 0.5, 1.0),
-    "n_render": (2, 3, 4, 8),
-    "blend": (1, 2, 5),
-    "cubic": (False,),
-    "prefilter": (False,),
-    "antialias": ("none", "samples"),
-    "overdraw": (False,),
-    "rims": (False,),
-    "fill": ("none", "smooth"),
-    "output_scale": (0.5, 0.7, 0.85),
-    "exposure_s": (0.0,),
-    "jpeg_quality": (50, 70, 80, 95),
-}
-MODEL_KNOBS: dict[str, tuple[object, ...]] = {
-    "background": (False,),
-    "n_init": (2, 12),
-    "n_update": (3, 6),
-    "update_interval": (2, 4),
-    "culling_stride": (1, 4),
-    "pbi_scale": (0.25, 1.0),
-    "pbi_margin_rad": (0.0, 0.1),
-}
-COLOURS: dict[str, dict[str, object]] = {
-    "plain": {"blend": 1, "cubic": False, "overdraw": False, "rims": False, "antialias": "none"},
-    "balanced": {},
-    "fine": {"blend": 5, "antialias": "samples"},
-}
-GRID = (tuple(COLOURS), (2, 3, 5), (0.5, 0.7, 1.0))  # colours, views, output scale
-FEW = 1  # views a picture where the model's knobs are varied
-
-
-@dataclass(frozen=True, slots=True)
-class Variant:
-    """Settings, and those whose time they are measured against. kind: preset, picture, model, grid or ladder."""
-
-    kind: str
-    knob: str
-    value: str
-    settings: Settings
-    base: Settings
-
-    @property
-    def is_base(self) -> bool:
-        """Whether it is what others are measured against."""
-        return self.settings == self.base
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,57 +87,6 @@ class Row:
     bytes: float
     triangles: float
     rays: float
-
-
-@dataclass(frozen=True, slots=True)
-class Point:
-    """A variant over all materials: mean dB more than the base (iv_psnr, sent), mean ratios (bytes too) and holes."""
-
-    kind: str
-    knob: str
-    value: str
-    iv_psnr: float
-    sent: float
-    time: float
-    total: float
-    update: float
-    first: float
-    holes: float
-    bytes: float
-
-    @property
-    def label(self) -> str:
-        """For people."""
-        return self.value if self.kind in ("preset", "ladder") else f"{self.knob} {self.value}"
-
-
-def variants() -> list[Variant]:
-    """All that are swept, each once: `balanced` first."""
-    balanced = Settings.preset("balanced")
-    few = dataclasses.replace(balanced, n_render=FEW)
-    found = [Variant("preset", "preset", name, Settings.preset(name), balanced) for name in ("balanced", *QUALITIES)]
-    found += _one_at_a_time("picture", KNOBS, balanced)
-    found.append(Variant("model", "n_render", str(FEW), few, few))
-    found += _one_at_a_time("model", MODEL_KNOBS, few)
-    for name, _cost, preset, changes in LADDER:
-        found.append(Variant("ladder", "rung", name, Settings.preset(preset, **changes), balanced))
-    for colours, views, scale in itertools.product(*GRID):
-        settings = dataclasses.replace(balanced, n_render=views, output_scale=scale, **COLOURS[colours])  # type: ignore[arg-type]
-        found.append(Variant("grid", "views, scale, colours", f"{views}, {scale:g}, {colours}", settings, balanced))
-    once = {(variant.settings, variant.base): variant for variant in reversed(found)}
-    return [variant for variant in found if once[variant.settings, variant.base] is variant]
-
-
-def _one_at_a_time(kind: str, knobs: Mapping[str, Sequence[object]], base: Settings) -> list[Variant]:
-    return [
-        Variant(kind, knob, f"{value:g}" if isinstance(value, float) else str(value), _changed(base, knob, value), base)
-        for knob, values in knobs.items()
-        for value in values
-    ]
-
-
-def _changed(base: Settings, knob: str, value: object) -> Settings:
-    return dataclasses.replace(base, **{knob: value})  # type: ignore[arg-type]
 
 
 def step_count(plan: Plan, material: Recording) -> int:
@@ -376,45 +277,3 @@ def _enlarged(texture: Texture, like: Texture) -> Texture:
 def _resized(plane: npt.NDArray[np.uint16], shape: tuple[int, int]) -> npt.NDArray[np.uint16]:
     image = Image.fromarray(plane.astype(np.float32)).resize(shape[::-1], Image.Resampling.BILINEAR)
     return np.asarray(image).round().astype(np.uint16)
-
-
-def summarise(rows: Sequence[Row], swept: Sequence[Variant]) -> list[Point]:
-    """A point for each variant that has rows, over all materials."""
-    points = []
-    for variant in swept:
-        base = next(other for other in swept if other.is_base and other.base == variant.base)
-        own, against = ([row for row in rows if _names(row) == _names(v)] for v in (variant, base))
-        if own:
-            points.append(_point(variant, own, against))
-    return points
-
-
-def _names(of: Row | Variant) -> tuple[str, str, str]:
-    return of.kind, of.knob, of.value
-
-
-def _point(variant: Variant, own: Sequence[Row], base: Sequence[Row]) -> Point:
-    gains = {
-        name: float(np.mean([getattr(a, name) - getattr(b, name) for a, b in zip(own, base, strict=True)]))
-        for name in ("iv_psnr", "sent")
-    }
-    ratios = {name: _geometric(getattr(row, name) for row in own) for name in ("time", "total", "update", "first")}
-    size = _geometric(a.bytes / b.bytes for a, b in zip(own, base, strict=True))
-    holes = float(np.mean([row.holes_backdrop for row in own]))
-    return Point(variant.kind, variant.knob, variant.value, **gains, **ratios, holes=holes, bytes=size)
-
-
-def _geometric(ratios: Iterator[float]) -> float:
-    return float(np.exp(np.mean(np.log(np.maximum(list(ratios), 1e-9)))))
-
-
-def pareto(points: Sequence[Point], cost: str, worth: str, least: float = 0.02) -> list[Point]:
-    """The points that none other beats in both, cheapest first, each worth `least` more than the one before.
-
-    The model's knobs are no part of it: their points have another base.
-    """
-    front: list[Point] = []
-    for point in sorted(points, key=lambda p: (getattr(p, cost), -getattr(p, worth))):
-        if point.kind != "model" and (not front or getattr(point, worth) >= getattr(front[-1], worth) + least):
-            front.append(point)
-    return front

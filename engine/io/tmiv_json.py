@@ -5,18 +5,32 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from ..rig.camera import Camera, Equirectangular, Perspective, Pose, Projection
 from ..rig.depth import DepthCoding
 from .pose_trace import euler_degrees
+from .tmiv_fields import (
+    BITS,
+    BOOL,
+    COUNT,
+    DEPTH_RANGE,
+    FRAME_RANGES,
+    NAMES,
+    OBJECTS,
+    PAIR,
+    POSITIVE,
+    PROJECTION,
+    RADIANS,
+    SIZE,
+    TEXT,
+    VECTOR,
+    Fields,
+)
 
 __all__ = ["Description", "TmivError", "find_json", "parse_json", "to_json"]
-
-T = TypeVar("T")
 
 
 class TmivError(ValueError):
@@ -34,14 +48,6 @@ class Description:
     source_names: tuple[str, ...] = ()
     frame_ranges: tuple[tuple[int, int], ...] = ()  # (maxNumberOfFrames, startFrame)
     pose_files: dict[str, str] = field(default_factory=dict)  # moving cameras: CSV beside the JSON
-
-
-@dataclass(frozen=True, slots=True)
-class _Kind(Generic[T]):
-    """What a field may be: `convert` raises TypeError or ValueError for anything else."""
-
-    expected: str
-    convert: Callable[[Any], T]
 
 
 def find_json(path: Path) -> Path:
@@ -73,17 +79,17 @@ def parse_json(text: str, stem: str) -> tuple[Description, list[str]]:
         return description, [f"JSON: {error}"]
     if not isinstance(document, dict):
         return description, [f"JSON: {type(document).__name__}: expected an object"]
-    top = _Fields(document, "", problems)
-    description.name = top.get("Content_name", _TEXT, stem) or stem
-    description.fps = top.get("Fps", _POSITIVE) or 30.0
-    description.frames_number = top.get("Frames_number", _COUNT, None)
-    description.frame_ranges = top.get("frameRanges", _FRAME_RANGES, ()) or ()
-    items = top.get("cameras", _OBJECTS) or []
+    top = Fields(document, "", problems)
+    description.name = top.get("Content_name", TEXT, stem) or stem
+    description.fps = top.get("Fps", POSITIVE) or 30.0
+    description.frames_number = top.get("Frames_number", COUNT, None)
+    description.frame_ranges = top.get("frameRanges", FRAME_RANGES, ()) or ()
+    items = top.get("cameras", OBJECTS) or []
     for index, item in enumerate(items):
         _parse_camera(item, index, description, problems)
     names = [name for item in items if isinstance(name := item.get("Name"), str)]
     default = tuple(name for name in names if re.fullmatch("v[0-9]+", name))
-    sources = top.get("sourceCameraNames", _NAMES, default)
+    sources = top.get("sourceCameraNames", NAMES, default)
     if items and sources is not None:
         description.source_names = sources
         _check_sources(sources, names, problems)
@@ -112,38 +118,17 @@ def to_json(description: Description) -> str:
     return json.dumps(document, indent=1)
 
 
-class _Fields:
-    """Fetches the fields of a JSON object with checks; what is wrong is added to `problems`."""
-
-    def __init__(self, fields: dict[str, Any], where: str, problems: list[str]) -> None:
-        self.fields, self.where, self.problems = fields, where, problems
-
-    def get(self, key: str, kind: _Kind[T], *default: T | None) -> T | None:
-        """The field's value, the default where it is absent, None where that is a problem."""
-        if key not in self.fields:
-            if not default:
-                self.problems.append(f"{self.where}{key}: missing: expected {kind.expected}")
-            return default[0] if default else None
-        try:
-            return kind.convert(self.fields[key])
-        except (TypeError, ValueError, KeyError, OverflowError):
-            shown = json.dumps(self.fields[key])
-            shown = shown if len(shown) < 80 else shown[:77] + "..."
-            self.problems.append(f"{self.where}{key}: {shown}: expected {kind.expected}")
-        return None
-
-
 def _parse_camera(item: dict[str, Any], index: int, description: Description, problems: list[str]) -> None:
-    name = _Fields(item, f"cameras[{index}]: ", problems).get("Name", _TEXT)
+    name = Fields(item, f"cameras[{index}]: ", problems).get("Name", TEXT)
     name = name or f"cameras[{index}]"
     before = len(problems)
-    fields = _Fields(item, f"camera {name}: ", problems)
+    fields = Fields(item, f"camera {name}: ", problems)
     if name in description.cameras:
         problems.append(f"camera {name}: Name: expected names that differ, this one occurs twice")
-    position, rotation = fields.get("Position", _VECTOR), fields.get("Rotation", _VECTOR)
+    position, rotation = fields.get("Position", VECTOR), fields.get("Rotation", VECTOR)
     projection, depth = _parse_projection(fields), _parse_depth(fields)
-    texture_bits = fields.get("BitDepthColor", _BITS, 10)
-    poses = fields.get("Poses", _TEXT, None)
+    texture_bits = fields.get("BitDepthColor", BITS, 10)
+    poses = fields.get("Poses", TEXT, None)
     if len(problems) == before and position and rotation and projection and depth and texture_bits:
         pose = Pose.from_euler(position, *map(math.radians, rotation))
         description.cameras[name] = Camera(name, projection, pose, depth, texture_bits)
@@ -151,25 +136,25 @@ def _parse_camera(item: dict[str, Any], index: int, description: Description, pr
             description.pose_files[name] = poses
 
 
-def _parse_projection(fields: _Fields) -> Projection | None:
-    size = fields.get("Resolution", _SIZE)
-    kind = fields.get("Projection", _PROJECTION)
+def _parse_projection(fields: Fields) -> Projection | None:
+    size = fields.get("Resolution", SIZE)
+    kind = fields.get("Projection", PROJECTION)
     try:
         if kind == "Perspective":
-            focal, centre = fields.get("Focal", _PAIR), fields.get("Principle_point", _PAIR)
+            focal, centre = fields.get("Focal", PAIR), fields.get("Principle_point", PAIR)
             return Perspective(*size, *focal, *centre) if size and focal and centre else None
         if kind == "Equirectangular":
-            hor, ver = fields.get("Hor_range", _RADIANS), fields.get("Ver_range", _RADIANS)
+            hor, ver = fields.get("Hor_range", RADIANS), fields.get("Ver_range", RADIANS)
             return Equirectangular(*size, hor, ver) if size and hor and ver else None
     except ValueError as error:
         fields.problems.append(f"{fields.where}{error}")
     return None
 
 
-def _parse_depth(fields: _Fields) -> DepthCoding | None:
-    limits = fields.get("Depth_range", _DEPTH_RANGE)
-    bits = fields.get("BitDepthDepth", _BITS, 16)
-    has_invalid = fields.get("HasInvalidDepth", _BOOL, False)
+def _parse_depth(fields: Fields) -> DepthCoding | None:
+    limits = fields.get("Depth_range", DEPTH_RANGE)
+    bits = fields.get("BitDepthDepth", BITS, 16)
+    has_invalid = fields.get("HasInvalidDepth", BOOL, False)
     if limits is None or bits is None or has_invalid is None:
         return None
     try:
@@ -225,100 +210,3 @@ def _content_name(path: Path) -> str | None:
         return None
     name = document.get("Content_name") if isinstance(document, dict) else None
     return name if isinstance(name, str) else None
-
-
-def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise TypeError
-    return float(value)
-
-
-def _positive(value: Any) -> float:
-    if _number(value) <= 0:
-        raise ValueError
-    return float(value)
-
-
-def _integer(value: Any, low: int, high: int) -> int:
-    if _number(value) != int(value) or not low <= value <= high:
-        raise ValueError
-    return int(value)
-
-
-def _text(value: Any) -> str:
-    # Names become parts of file names.
-    if not isinstance(value, str) or not value or "/" in value or "\\" in value or "\0" in value:
-        raise TypeError
-    return value
-
-
-def _list(value: Any, count: int | None = None) -> list[Any]:
-    if not isinstance(value, list) or (count is not None and len(value) != count):
-        raise TypeError
-    return value
-
-
-def _bool(value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise TypeError
-    return value
-
-
-def _pair(value: Any) -> tuple[float, float]:
-    first, second = map(_number, _list(value, 2))
-    return first, second
-
-
-def _vector(value: Any) -> tuple[float, float, float]:
-    x, y, z = map(_number, _list(value, 3))
-    return x, y, z
-
-
-def _size(value: Any) -> tuple[int, int]:
-    width, height = (_integer(item, 1, 1 << 16) for item in _list(value, 2))
-    return width, height
-
-
-def _radians(value: Any) -> tuple[float, float]:
-    low, high = _pair(value)
-    return math.radians(low), math.radians(high)
-
-
-def _depth_range(value: Any) -> tuple[float, float]:
-    near, far = _list(value, 2)
-    return _number(near), math.inf if far == "inf" else _number(far)
-
-
-def _objects(value: Any) -> list[dict[str, Any]]:
-    if not value or not all(isinstance(item, dict) for item in _list(value)):
-        raise TypeError
-    return list(value)
-
-
-def _projection(value: Any) -> str:
-    if value not in ("Perspective", "Equirectangular"):
-        raise ValueError
-    return str(value)
-
-
-def _frame_ranges(value: Any) -> tuple[tuple[int, int], ...]:
-    return tuple(
-        (_integer(item["maxNumberOfFrames"], 0, 1 << 31), _integer(item["startFrame"], 0, 1 << 31))
-        for item in _list(value)
-    )
-
-
-_TEXT = _Kind("a name without slashes", _text)
-_POSITIVE = _Kind("a positive number", _positive)
-_COUNT = _Kind("a whole number, 0 or more", lambda value: _integer(value, 0, 1 << 31))
-_BITS = _Kind("a whole number from 8 to 16", lambda value: _integer(value, 8, 16))
-_BOOL = _Kind("true or false", _bool)
-_VECTOR = _Kind("three numbers", _vector)
-_PAIR = _Kind("two numbers", _pair)
-_SIZE = _Kind("two positive whole numbers", _size)
-_RADIANS = _Kind("two numbers, degrees", _radians)
-_DEPTH_RANGE = _Kind('two numbers (the second may be "inf")', _depth_range)
-_PROJECTION = _Kind("Perspective or Equirectangular", _projection)
-_NAMES = _Kind("a list of names", lambda value: tuple(map(_text, _list(value))))
-_OBJECTS = _Kind("a list of at least one camera", _objects)
-_FRAME_RANGES = _Kind("a list of {maxNumberOfFrames, startFrame}", _frame_ranges)

@@ -7,9 +7,8 @@ import math
 import os
 
 import pytest
-from farside.clients import bench
-from farside.clients.benchmarks import live
-from farside.clients.benchmarks.live import measure_live
+from farside.clients.bench import live, live_run
+from farside.clients.bench.live_run import measure_live
 from farside.engine.synth import write_twin
 
 SIZE = (64, 48)
@@ -61,7 +60,7 @@ def test_the_server_is_measured_from_outside_and_from_inside(figures):
 def test_the_command_prints_them(folder, figures, monkeypatch, capsys):
     asked = []
     monkeypatch.setattr(live, "measure_live", lambda *given: asked.append(given) or figures)
-    bench.command(live=folder, fps=5.0, seconds=2.0, quality="fast", size="64x48")
+    live.command(folder, 5.0, 2.0, "64x48", "fast")
     assert asked == [(folder, 5.0, 2.0, "fast", SIZE)]
     printed = capsys.readouterr().out
     for said in ("10 views of 62x62", "longest event-loop stall", "wanted", "a frame is 0.192 MB", "MB resident"):
@@ -81,8 +80,8 @@ def test_a_pause_is_what_an_update_adds_to_a_picture(figures):
 
 
 def test_memory_that_processes_share_is_counted_once():
-    own = live.Usage.of(os.getpid())
-    twice = live.Usage.of(os.getpid(), os.getpid())
+    own = live_run.Usage.of(os.getpid())
+    twice = live_run.Usage.of(os.getpid(), os.getpid())
     assert own.cpu_s > 0
     shared = 2 * own.resident_mb - twice.resident_mb
     assert 0 <= shared < own.resident_mb

@@ -9,8 +9,8 @@ import re
 import numpy as np
 import pytest
 from farside.clients import bench
-from farside.clients.benchmarks import accuracy
-from farside.clients.benchmarks.accuracy import make_plan
+from farside.clients.bench import accuracy
+from farside.clients.bench.accuracy import make_plan
 from farside.clients.compare import compare
 from farside.engine.evaluation.accuracy import Case, Plan, Sample, judge_pictures, picture_count, summarise
 from farside.engine.evaluation.flicker import measure_flicker

@@ -8,7 +8,7 @@ import math
 
 import pytest
 import typer
-from farside.clients.benchmarks import extremes
+from farside.clients.bench import extremes
 from farside.engine.evaluation.extremes import all_cases, growth_cases, run
 from farside.engine.evaluation.extremes.case import Case, Measured
 

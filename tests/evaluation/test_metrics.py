@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from farside.clients.compare import command, compare
 from farside.engine.evaluation.metrics import iv_psnr, psnr, ssim, ws_psnr
+from farside.engine.evaluation.structural_similarity import structural_similarity
 from farside.engine.io.yuv import RawVideo
 from farside.engine.rig.frame import Texture
 from support.shared import SHARED, needs_shared
@@ -93,9 +94,125 @@ def test_compare_has_ssim_where_the_window_fits(tmp_path: Path, capsys: pytest.C
     frames = [random_texture(12, 16, seed) for seed in range(2)]
     a, b = write_video(tmp_path / "a.yuv", frames[:1]), write_video(tmp_path / "b.yuv", frames[1:])
     command(a, b, "16x12", json_file=tmp_path / "out.json")
-    figure = json.loads((tmp_path / "out.json").read_text())["mean"]["ssim"]
-    assert figure == pytest.approx(ssim(*frames))
-    assert f"{figure:.4f}" in capsys.readouterr().out
+    figures = json.loads((tmp_path / "out.json").read_text())["mean"]
+    assert figures["ssim_gaussian"] == pytest.approx(ssim(*frames))
+    assert f"{figures['ssim']:.4f}" in capsys.readouterr().out
+    assert "ms_ssim" not in figures  # smaller than any scale
+
+
+def plain_windows(a: np.ndarray, b: np.ndarray, peak: int, *, luminance: bool = True) -> np.ndarray:
+    """SSIM of all windows of 8 x 8 pixels, four apart, one after the other; [rows, columns]."""
+    c1, c2 = (0.01 * peak) ** 2, (0.03 * peak) ** 2
+    rows = []
+    for y in range(0, a.shape[0] - 7, 4):
+        rows.append([])
+        for x in range(0, a.shape[1] - 7, 4):
+            p, q = (plane[y : y + 8, x : x + 8].astype(float) for plane in (a, b))
+            value = (2 * np.mean((p - p.mean()) * (q - q.mean())) + c2) / (p.var() + q.var() + c2)
+            if luminance:
+                value *= (2 * p.mean() * q.mean() + c1) / (p.mean() ** 2 + q.mean() ** 2 + c1)
+            rows[-1].append(value)
+    return np.array(rows)
+
+
+def plain_matches(moved: Texture, other: Texture, peak: int) -> Texture:
+    """Each pixel of `moved` replaced by its best match in `other`, chroma at luma resolution."""
+    h, w = moved.y.shape
+    chroma = [[c.repeat(2, 0).repeat(2, 1)[:h, :w] for c in (t.cb, t.cr)] for t in (moved, other)]
+    a, b = ([p.astype(int) for p in (t.y, *more)] for t, more in zip((moved, other), chroma, strict=True))
+    limit = round(0.01 * peak)
+    means = [float(q.mean() - p.mean()) for p, q in zip(a, b, strict=True)]
+    shift = [max(-limit, min(limit, int(math.copysign(int(abs(m) + 0.5), m)))) for m in means]
+    out = np.empty((3, h, w), np.uint16)
+    for y in range(h):
+        for x in range(w):
+            near = [(v, u) for v in range(max(0, y - 2), min(h, y + 3)) for u in range(max(0, x - 2), min(w, x + 3))]
+            errors = [
+                sum(k * (a[c][y, x] + shift[c] - b[c][p]) ** 2 for c, k in enumerate((4, 1, 1))) for p in near
+            ]
+            best = near[errors.index(min(errors))]
+            out[:, y, x] = [min(max(b[c][best] - shift[c], 0), peak) for c in range(3)]
+    return Texture(out[0], out[1][::2, ::2], out[2][::2, ::2])
+
+
+@pytest.mark.parametrize(("h", "w", "bits"), [(8, 8, 10), (13, 22, 10), (36, 64, 8)])
+def test_block_ssims_agree_with_their_definition(h: int, w: int, bits: int) -> None:
+    """Chroma that is flat is left out of what is matched, so that the plain twin may halve it again."""
+    peak = 2**bits - 1
+    ref = random_texture(h, w, 1, bits)
+    test = Texture(((3 * ref.y.astype(int) + random_texture(h, w, 2, bits).y) // 4).astype(np.uint16), ref.cb, ref.cr)
+    flat = Texture(*(np.full_like(p, 100) for p in (ref.y, ref.cb, ref.cr)))
+    ref, test = (Texture(t.y, flat.cb, flat.cr) for t in (ref, test))
+    got = structural_similarity(ref, test, bits=bits)
+    assert got.ssim == pytest.approx((plain_windows(ref.y, test.y, peak).mean(), 1.0, 1.0), abs=1e-9)
+    moved = [(test, plain_matches(test, ref, peak)), (ref, plain_matches(ref, test, peak))]
+    ways = [(4 * plain_windows(a.y, b.y, peak).mean() + 2) / 6 for a, b in moved]
+    assert got.iv_ssim == pytest.approx(min(ways), abs=1e-9)
+    rows = [plain_windows(a.y, b.y, peak).mean(axis=1) for a, b in moved]
+    weights = np.cos(((np.arange(h) + 0.5) / h - 0.5) * math.radians(90.0))[4 : h - 3 : 4]
+    ways = [(4 * np.average(row, weights=weights) + 2) / 6 for row in rows]
+    assert structural_similarity(ref, test, (180.0, 90.0), bits=bits).iv_ssim == pytest.approx(min(ways), abs=1e-9)
+    same = structural_similarity(ref, ref, bits=bits)
+    assert same.figures() == pytest.approx(dict.fromkeys(same.figures(), 1.0))
+    if h < 32:
+        assert got.ms_ssim is got.iv_ms_ssim is None
+        return
+    # One scale of 36 x 64 pixels: the limit is 32 a side.
+    assert got.ms_ssim == pytest.approx(got.ssim)
+    assert got.iv_ms_ssim == pytest.approx(got.iv_ssim)
+
+
+def test_two_scales_take_structure_from_the_finer_and_all_from_the_coarser() -> None:
+    ref, other = random_texture(64, 70, 1), random_texture(64, 70, 2)
+    test = Texture(((3 * ref.y.astype(int) + other.y) // 4).astype(np.uint16), ref.cb, ref.cr)
+    halves = [
+        ((p[::2, ::2].astype(int) + p[1::2, ::2] + p[::2, 1::2] + p[1::2, 1::2] + 2) // 4) for p in (ref.y, test.y)
+    ]
+    fine = plain_windows(ref.y, test.y, 1023, luminance=False).mean()
+    coarse = plain_windows(*halves, 1023).mean()
+    got = structural_similarity(ref, test).ms_ssim
+    assert got is not None
+    assert got[0] == pytest.approx(fine**0.1356 * coarse**0.8644, abs=1e-9)
+    inverse = Texture((1023 - ref.y).astype(np.uint16), ref.cb, ref.cr)
+    negative = structural_similarity(ref, inverse)
+    assert negative.ssim[0] < 0
+    assert negative.ms_ssim is not None
+    assert negative.ms_ssim[0] == 0.0
+
+
+def test_ssims_refuse_what_does_not_fit() -> None:
+    with pytest.raises(ValueError, match=r"picture: \(20, 7\): expected at least 8"):
+        structural_similarity(random_texture(7, 20, 0), random_texture(7, 20, 0))
+    with pytest.raises(ValueError, match="expected the reference's size"):
+        structural_similarity(random_texture(16, 20, 0), random_texture(16, 22, 0))
+
+
+@needs_shared
+@pytest.mark.parametrize(
+    ("ref", "test", "erp", "expected"),
+    [
+        (
+            "persp_ref", "persp_shift", None,
+            (0.89630162, 0.99995898, 1.0, 0.93086091, 0.95725587, 0.99998103, 1.0, 0.97150075, 0.98559111, 0.99516767),
+        ),
+        (
+            "persp_ref", "persp_hole", None,
+            (0.95060987, 1.0, 1.0, 0.96707325, 0.90078963, 1.0, 1.0, 0.93385975, 0.96597171, 0.94072677),
+        ),
+        (
+            "erp_ref", "erp_polar", "360,180",
+            (0.95174685, 1.0, 1.0, 0.96783123, 0.99002301, 1.0, 1.0, 0.99334868, 0.99411465, 0.99688689),
+        ),
+    ],
+)  # fmt: skip
+def test_ssims_are_those_of_the_present_tool(
+    ref: str, test: str, erp: str | None, expected: tuple[float, ...], tmp_path: Path
+) -> None:
+    a, b = video(ref), video(test)
+    command(a.path, b.path, f"{a.width}x{a.height}", erp=erp, json_file=tmp_path / "out.json")
+    mean = json.loads((tmp_path / "out.json").read_text())["mean"]
+    names = [f"{kind}{plane}" for kind in ("ssim", "ms_ssim") for plane in ("_y", "_cb", "_cr", "")]
+    assert [mean[name] for name in (*names, "iv_ssim", "iv_ms_ssim")] == pytest.approx(expected, abs=1e-6)
 
 
 @needs_shared

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from farside.clients.benchmarks.spared import show_spared
+from farside.clients.bench.spared import show_spared
 from farside.engine.evaluation.spared import Spared, spared_rows
 
 

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from farside.clients.benchmarks.targets import show_targets
+from farside.clients.bench.targets import show_targets
 from farside.engine.evaluation.scaling import DOUBLINGS, Growth, exponent, measure_growth
 from farside.engine.evaluation.targets import Target, loss_targets, pair_targets, warp_all
 from farside.engine.pipeline.engine import Engine

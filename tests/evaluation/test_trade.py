@@ -9,9 +9,11 @@ import itertools
 import numpy as np
 import pytest
 from farside.clients import bench
-from farside.clients.benchmarks import trade as command
-from farside.engine.evaluation.trade import KNOBS, MODEL_KNOBS, Plan, Point, pareto, summarise, sweep, variants
-from farside.engine.evaluation.trade_report import fronts, plot_trade, write_report
+from farside.clients.bench import trade as command
+from farside.clients.bench.trade_report import fronts, plot_trade, write_report
+from farside.engine.evaluation.trade import Plan, sweep
+from farside.engine.evaluation.trade_points import Point, pareto, summarise
+from farside.engine.evaluation.trade_variants import KNOBS, MODEL_KNOBS, variants
 from farside.engine.evaluation.twin_recording import TwinRecording
 from farside.engine.live.governor import LADDER
 from farside.engine.settings import QUALITIES, Settings

@@ -1,10 +1,12 @@
-"""`farside bench --noise`: what the background model is worth in every frame of a twin, and how far it is off."""
+"""`farside bench noise`: what the background model is worth in every frame of a twin, and how far it is off."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
+import typer
 from farside.engine.evaluation.ghosts import inside_cameras
 from farside.engine.evaluation.noise import WorthSample, watch_noise
 from farside.engine.settings import Settings
@@ -13,9 +15,25 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_noise"]
+from .options import Frames, Quality, Scale, TwinName, Views
+
+__all__ = ["command", "show_noise"]
 
 _ROWS = 10  # moments at which the model's own error is looked at
+
+
+def command(
+    name: TwinName,
+    scale: Scale = 0.25,
+    frames: Frames = 100,
+    quality: Quality = "best",
+    views: Views = 5,
+    depth_noise: Annotated[
+        float | None, typer.Option(help="Strength of a twin's depth errors (default: its own).")
+    ] = None,
+) -> None:
+    """Every frame of a twin with and without the model, and the model's error."""
+    show_noise(name, scale, frames, quality, views, depth_noise)
 
 
 def show_noise(name: str, scale: float, frames: int, quality: str, views: int, strength: float | None) -> None:

@@ -8,7 +8,8 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from .trade import Point, Row, pareto
+from farside.engine.evaluation.trade import Row
+from farside.engine.evaluation.trade_points import Point, pareto
 
 __all__ = ["fronts", "plot_trade", "point_table", "write_report"]
 

@@ -1,4 +1,4 @@
-"""`farside bench --exposure`: what following the exposure of views is worth."""
+"""`farside bench exposure`: what following the exposure of views is worth."""
 
 from __future__ import annotations
 
@@ -6,7 +6,14 @@ from farside.engine.evaluation.exposure import measure_exposure
 from rich.console import Console
 from rich.table import Table
 
-__all__ = ["show_exposure"]
+from .options import Quality, Scale, TwinName
+
+__all__ = ["command", "show_exposure"]
+
+
+def command(name: TwinName, scale: Scale = 0.25, quality: Quality = "best") -> None:
+    """A twin whose views have random exposures and white balances."""
+    show_exposure(name, scale, quality)
 
 
 def show_exposure(name: str, scale: float, quality: str) -> None:

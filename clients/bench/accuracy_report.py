@@ -14,13 +14,12 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from farside.engine.evaluation.accuracy import Judged, Sample, summarise
+from farside.engine.rig.frame import Texture
+from farside.engine.rig.texture import to_rgb
 from PIL import Image
 
-from ..rig.frame import Texture
-from ..rig.texture import to_rgb
-from .accuracy import Judged, Sample, summarise
-
-__all__ = ["Report", "summary_table"]
+__all__ = ["AccuracyReport", "summary_table"]
 
 Rgb = npt.NDArray[np.uint8]  # [h, w, 3]
 
@@ -45,6 +44,9 @@ SUMMARY: tuple[tuple[str, str, Callable[..., str]], ...] = (
     ("iv_psnr", "IV-PSNR", "{:.2f}".format),
     ("worst", "worst IV", "{:.2f}".format),
     ("ssim", "SSIM", "{:.4f}".format),
+    ("ms_ssim", "MS-SSIM", "{:.4f}".format),
+    ("iv_ssim", "IV-SSIM", "{:.4f}".format),
+    ("iv_ms_ssim", "IV-MS-SSIM", "{:.4f}".format),
     ("holes_warped", "holes", _percent),
     ("holes_backdrop", "after backdrop", _percent),
     ("ghosts", "ghosts", _percent),
@@ -87,7 +89,7 @@ class _Entry:
     spots: list[tuple[str, str]]
 
 
-class Report:
+class AccuracyReport:
     """A folder that judged pictures are added to; `finish` writes accuracy.csv, accuracy.json and index.html."""
 
     def __init__(self, folder: Path) -> None:

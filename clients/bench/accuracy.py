@@ -1,14 +1,14 @@
-"""`farside bench --accuracy`: every quality figure, over sequences and twins."""
+"""`farside bench accuracy`: every quality figure, over sequences and twins."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from farside.engine.evaluation.accuracy import Plan, Sample, judge_pictures, picture_count
-from farside.engine.evaluation.accuracy_report import Report, summary_table
 from farside.engine.evaluation.twin_recording import TwinRecording, default_targets, find_recordings
 from farside.engine.io.recording import Recording
 from farside.engine.synth import make_twin
@@ -16,7 +16,29 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["make_plan", "show_accuracy"]
+from .accuracy_report import AccuracyReport, summary_table
+from .options import Cameras, Folders, Report, Scale, Twins
+
+__all__ = ["command", "make_plan", "show_accuracy"]
+
+
+def command(
+    folders: Folders = None,
+    twins: Twins = None,
+    scale: Scale = 0.25,
+    cameras: Cameras = None,
+    views: Annotated[str | None, typer.Option(metavar="N,...|all", help="Views given, like 2,3,5,all.")] = None,
+    background: Annotated[
+        bool | None, typer.Option("--background/--no-background", help="The model; without this, both.")
+    ] = None,
+    quality: Annotated[str, typer.Option(help="fast, balanced, best or paper; a list for several.")] = "best",
+    frames: Annotated[int | None, typer.Option(min=1, help="Frames played, at most (16).")] = None,
+    every: Annotated[int | None, typer.Option(min=1, help="Frames from one judged to the next (15).")] = None,
+    report: Report = None,
+) -> None:
+    """All quality figures over sequences and twins, with a report."""
+    plan = make_plan(views, background, quality, frames, every)
+    show_accuracy(folders or [], twins, scale, cameras or [], plan, report)
 
 
 def show_accuracy(
@@ -28,7 +50,7 @@ def show_accuracy(
     if not materials:
         raise ValueError("bench --accuracy: nothing to render: expected folders of sequences or --twins NAME,...")
     work = [(material, list(chosen) or default_targets(material)) for material in materials]
-    pages, samples = Report(report) if report else None, list[Sample]()
+    pages, samples = AccuracyReport(report) if report else None, list[Sample]()
     # Stopped half-way there are still figures of what was done.
     with suppress(KeyboardInterrupt), Progress(console=Console(stderr=True)) as bar:
         for material, targets in work:

@@ -1,4 +1,4 @@
-"""`farside bench --pairs`: stereo pairs a second of a twin while the model is updated."""
+"""`farside bench pairs`: stereo pairs a second of a twin while the model is updated."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_pairs"]
+from .options import Quality, Scale, TwinName
+
+__all__ = ["command", "show_pairs"]
+
+
+def command(name: TwinName, scale: Scale = 0.25, quality: Quality = "best") -> None:
+    """Stereo pairs a second of a twin while the model is updated."""
+    show_pairs(name, scale, quality)
 
 
 def show_pairs(name: str, scale: float, quality: str) -> None:

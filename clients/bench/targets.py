@@ -1,11 +1,9 @@
-"""`farside bench --targets` and `--scaling`: speed as it is wanted and as it is, and how cost grows."""
+"""`farside bench targets`: speed as it is wanted and as it is."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
-from farside.engine.evaluation.scaling import exponent, measure_growth, plot_growth
 from farside.engine.evaluation.targets import (
     Target,
     loss_targets,
@@ -18,11 +16,17 @@ from farside.engine.settings import Settings
 from farside.engine.synth import make_twin, twin_frame
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
-__all__ = ["show_scaling", "show_targets"]
+from .options import Every, Frames, Scale, TwinName
+
+__all__ = ["command", "show_targets"]
 
 _EYE = (1280, 1440)
+
+
+def command(name: TwinName, scale: Scale = 0.25, frames: Frames = 30, every: Every = 1) -> None:
+    """Speed and loss next to what is wanted, on a twin."""
+    show_targets(name, scale, frames, every)
 
 
 def show_targets(name: str, scale: float, frames: int, every: int, repeats: int = 15) -> None:
@@ -68,26 +72,3 @@ def _line(row: Target) -> str:
     wanted = "" if row.wanted is None else f"{sign} {row.wanted:.3g} {row.unit}"
     met = {None: "", True: "yes", False: "no"}[row.met]
     return f"{row.what:96} {f'{row.value:.4g} {row.unit}':>12} {wanted:>12} {met:>4}".rstrip()
-
-
-def show_scaling(name: str, scale: float, quality: str, report: Path | None, repeats: int = 9) -> None:
-    """Print cost by size and its exponents; with `report`, a plot."""
-    console, rows = Console(width=120), []
-    table = Table(title=f"{name}, views of scale {scale:g}, {quality}: CPU ms, medians of {repeats}")
-    for column in ("grows", "pixels", "a pair", "an update"):
-        table.add_column(column, justify="right")
-    with Console(stderr=True).status("Measuring pairs and updates at four sizes of pictures and four of views"):
-        for row in measure_growth(name, scale, quality, repeats):
-            rows.append(row)
-            table.add_row(row.grows, f"{row.pixels:,}", f"{row.pair:.1f}", f"{row.update:.1f}")
-    console.print(table)
-    for grows in ("output", "input"):
-        pair, update = (exponent(rows, grows, cost) for cost in ("pair", "update"))
-        console.print(f"{grows} pixels: a pair costs pixels^{pair:.2f}, an update pixels^{update:.2f}")
-    if report is not None:
-        report.mkdir(parents=True, exist_ok=True)
-        try:
-            plot_growth(rows, f"{name}, {quality}", report / "scaling.png")
-            console.print(f"plot: {report / 'scaling.png'}")
-        except ImportError as error:
-            console.print(f"no plot: {error} (pip install farside[plots])")

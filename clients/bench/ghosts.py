@@ -1,4 +1,4 @@
-"""`farside bench --ghosts`: ghosts and holes of the background model over a twin."""
+"""`farside bench ghosts`: ghosts and holes of the background model over a twin."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ from farside.engine.synth import make_twin
 from rich.console import Console
 from rich.table import Table
 
-__all__ = ["show_ghosts"]
+from .options import Frames, Quality, Report, Scale, TwinName
+
+__all__ = ["command", "show_ghosts"]
+
+
+def command(
+    name: TwinName, scale: Scale = 0.25, frames: Frames = 100, quality: Quality = "best", report: Report = None
+) -> None:
+    """Ghosts and holes of the background model over a twin."""
+    show_ghosts(name, scale, frames, quality, report)
 
 
 def show_ghosts(name: str, scale: float, frames: int, quality: str, report: Path | None) -> None:

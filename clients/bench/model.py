@@ -1,4 +1,4 @@
-"""`farside bench --model`: what the background model is worth on a sequence."""
+"""`farside bench model`: what the background model is worth on a sequence."""
 
 from __future__ import annotations
 
@@ -11,7 +11,22 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_model"]
+from .options import Cameras, Every, Frames, Quality, Report, SequenceFolder, Views
+
+__all__ = ["command", "show_model"]
+
+
+def command(
+    folder: SequenceFolder,
+    cameras: Cameras = None,
+    frames: Frames = 100,
+    every: Every = 12,
+    quality: Quality = "best",
+    views: Views = 5,
+    report: Report = None,
+) -> None:
+    """Few views with the model against few and all without it, by truth."""
+    show_model(folder, cameras, frames, every, quality, views, report)
 
 
 def show_model(

@@ -1,4 +1,4 @@
-"""`farside bench --tolerances`: what follows from a scene, beside smaller and larger values of it."""
+"""`farside bench tolerances`: what follows from a scene, beside smaller and larger values of it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,18 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_tolerances"]
+from .options import Quality, Report, Scale, Twins
+
+__all__ = ["command", "show_tolerances"]
 
 _UNITS = {"m": "m", "disparity": "1/m", "px": "px"}
+
+
+def command(
+    twins: Twins = None, scale: Scale = 0.07, quality: Quality = "best", report: Report = None
+) -> None:
+    """Automatic tolerances next to smaller and larger ones, over twins."""
+    show_tolerances(twins, scale, quality, report)
 
 
 def show_tolerances(twins: str | None, scale: float, quality: str, report: Path | None) -> None:

@@ -1,4 +1,4 @@
-"""`farside bench --trade`: what each knob costs and is worth, and what is worth choosing."""
+"""`farside bench trade`: what each knob costs and is worth, and what is worth choosing."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from farside.engine.evaluation.trade import Plan, Point, Row, step_count, summarise, sweep, variants
-from farside.engine.evaluation.trade_report import TITLES, fronts, point_table, write_report
+from farside.engine.evaluation.trade import Plan, Row, step_count, sweep
+from farside.engine.evaluation.trade_points import Point, summarise
+from farside.engine.evaluation.trade_variants import variants
 from farside.engine.evaluation.twin_recording import TwinRecording, find_recordings
 from farside.engine.io.recording import Recording
 from farside.engine.synth import make_twin
@@ -15,9 +16,24 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_trade"]
+from .options import Every, Folders, Frames, Report, Scale, Twins
+from .trade_report import TITLES, fronts, point_table, write_report
+
+__all__ = ["command", "show_trade"]
 
 _TWINS = "museum,painter"  # clean depth and noisy depth
+
+
+def command(
+    folders: Folders = None,
+    twins: Twins = None,
+    scale: Scale = 0.25,
+    frames: Frames = 12,
+    every: Every = 4,
+    report: Report = None,
+) -> None:
+    """Every knob's cost and worth over sequences and twins (museum and painter if none is given), with a report."""
+    show_trade(folders or [], twins, scale, Plan(frames, every), report)
 
 
 def show_trade(folders: Sequence[Path], twins: str | None, scale: float, plan: Plan, report: Path | None) -> None:

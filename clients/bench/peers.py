@@ -1,14 +1,27 @@
-"""`farside bench --peers`: our figures beside those of other renderers."""
+"""`farside bench peers`: our figures beside those of other renderers."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from farside.engine.evaluation.peers import peer_rows, read_peer_table
 from rich.console import Console
 from rich.table import Table
 
-__all__ = ["show_peers"]
+from .options import Background, Quality
+
+__all__ = ["command", "show_peers"]
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Sequences, and a README with a table.")],
+    quality: Quality = "best",
+    background: Background = True,
+) -> None:
+    """Sequences whose README has the figures of other renderers, next to ours."""
+    show_peers(folder, quality, background)
 
 
 def show_peers(folder: Path, quality: str, background: bool) -> None:

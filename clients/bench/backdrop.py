@@ -1,4 +1,4 @@
-"""`farside bench --backdrop`: what the backdrop shows of a twin, the farthest surfaces or those that stand."""
+"""`farside bench backdrop`: what the backdrop shows of a twin, the farthest surfaces or those that stand."""
 
 from __future__ import annotations
 
@@ -16,9 +16,18 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_backdrops"]
+from .options import Every, Frames, Quality, Scale, TwinName
+
+__all__ = ["command", "show_backdrops"]
 
 _COST_FRAMES = 6
+
+
+def command(
+    name: TwinName, scale: Scale = 0.25, frames: Frames = 100, every: Every = 12, quality: Quality = "best"
+) -> None:
+    """The backdrop's surfaces, farthest or standing, over a twin."""
+    show_backdrops(name, scale, frames, every, quality)
 
 
 def show_backdrops(name: str, scale: float, frames: int, every: int, quality: str) -> None:

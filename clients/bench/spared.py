@@ -1,13 +1,27 @@
-"""`farside bench --spared`: work and memory that scenes do not need, and are spared."""
+"""`farside bench spared`: work and memory that scenes do not need, and are spared."""
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
 from farside.engine.evaluation.spared import spared_rows
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_spared"]
+from .options import Frames, Scale
+
+__all__ = ["command", "show_spared"]
+
+
+def command(
+    names: Annotated[str, typer.Argument(metavar="NAME,...", help="Twins, made in memory.")],
+    scale: Scale = 0.25,
+    frames: Frames = 30,
+) -> None:
+    """Work and memory that twins do not need, and are spared."""
+    show_spared(names.split(","), scale, frames)
 
 
 def show_spared(names: list[str], scale: float, frames: int) -> None:

@@ -1,4 +1,4 @@
-"""`farside bench --live`: server, replay and headset over localhost, each a process, and what they come to."""
+"""Server, replay and headset over localhost, each a process, and what they come to."""
 
 from __future__ import annotations
 
@@ -19,26 +19,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from farside.engine.io.recording import open_recording
 from farside.server.protocol import ViewerHello
-from rich.console import Console
-from rich.table import Table
 
 from ..connection import persist
 from ..headset import Headset
 
-__all__ = ["LiveFigures", "measure_live", "pause_ms", "show_live"]
+__all__ = ["LiveFigures", "Usage", "measure_live"]
 
 _HANG_S = 600.0  # the first run compiles every kernel
 _WARM_UPDATES = 4  # with a viewer: what the first ones do is done once
 _POSE_RATE = 72.0
 _REPLAY_NICENESS = 5  # it stands for cameras, which do not take the server's cores
-_LONGEST_STALL_MS, _LONGEST_PAUSE_MS = 5, 10  # that are wanted
-_STALLS = {
-    "stall": "longest event-loop stall",
-    "own_stall": "without waiting for a core",
-    "busy": "most work of the loop at once",
-}
 
 
 # An event loop with nothing to do, in a process of its own: how late it is is the machine's doing.
@@ -93,65 +84,6 @@ class LiveFigures:
     def rate(self) -> float:
         """Stereo pairs a second."""
         return self.pairs / self.seconds
-
-
-def show_live(folder: Path, fps: float | None, seconds: float, quality: str, size: tuple[int, int]) -> None:
-    """Print how a sequence plays live, with its video and then without."""
-    sequence = open_recording(folder)
-    views = [sequence.camera(name) for name in sequence.source_names]
-    frame_bytes = sum(5 * view.width * view.height for view in views)  # 4:2:0 in 2 B a sample, and depth
-    playing, still = measure_live(folder, fps, seconds, quality, size)
-    table = Table(title=f"{sequence.name}, {len(views)} views of {views[0].width}x{views[0].height}, {quality}, live")
-    table.add_column(f"pairs of {size[0]}x{size[1]} an eye")
-    for name in ("while video plays", "without"):
-        table.add_column(name, justify="right")
-    for name, *values in zip(*map(_rows, (playing, still)), strict=True):
-        table.add_row(name[0], name[1], values[0][1])
-    console = Console(width=120)
-    console.print(table)
-    console.print(_judged(playing, still))
-    console.print(
-        f"a frame is {frame_bytes / 1e6:.3g} MB; server and engine: {playing.server.resident_mb:.0f} MB resident, "
-        f"at most {playing.server.peak_mb:.0f} MB"
-    )
-
-
-def pause_ms(figures: LiveFigures, still: LiveFigures) -> float:
-    """How much longer than a median picture without updates the longest took, during an update where there was one."""
-    pictures, without = figures.status["pictures"], still.status["stages_ms"].get("picture", {"p50": math.nan})
-    longest = pictures["longest_picture_during_update_ms"] or pictures["longest_picture_ms"]
-    return float(longest - without["p50"])
-
-
-def _judged(playing: LiveFigures, still: LiveFigures) -> Table:
-    """What was measured beside what is wanted, and what an idle loop and pictures without updates come to."""
-    table = Table("while video plays", "ms", "wanted, at most", "idle, or without video")
-    stalls = playing.status["event_loop"]
-    for kind, name in _STALLS.items():
-        stall, idle = (figures[f"longest_{kind}_ms"] for figures in (stalls, playing.idle))
-        table.add_row(name, f"{stall:.1f}", f"{_LONGEST_STALL_MS:g}", f"{idle:.1f}")
-    pause, without = (f"{pause_ms(figures, still):.1f}" for figures in (playing, still))
-    table.add_row("longest picture during an update, beyond a median without", pause, f"{_LONGEST_PAUSE_MS:g}", without)
-    return table
-
-
-def _rows(figures: LiveFigures) -> Iterator[tuple[str, str]]:
-    status, frames = figures.status, figures.frames
-    yield "pairs a second", f"{figures.rate:.1f}"
-    yield "pose sent to picture received, p50 p95 p99 ms", " ".join(f"{ms:.0f}" for ms in figures.motion_to_photon)
-    yield "kB a pair", f"{figures.picture_bytes / 1e3:.0f}"
-    yield "frames a second updated", f"{frames['updated'] / figures.seconds:.2f}"
-    yield "frames dropped, failed", f"{frames['dropped']}, {frames['failed']}"
-    for name, what in _STALLS.items():
-        both = (status["event_loop"][f"longest_{name}{when}_ms"] for when in ("", "_during_update"))
-        yield f"{what}; during updates, ms", ", ".join(f"{ms:.1f}" for ms in both)
-    for name in ("picture", "picture_during_update"):
-        median = status["stages_ms"].get(name, {"p50": math.nan})["p50"]
-        longest = status["pictures"][f"longest_{name}_ms"]
-        yield f"{name.replace('_', ' ')}: median, longest, ms", f"{median:.0f}, {longest:.0f}"
-    for name in ("ingest", "update.total"):
-        yield f"{name}, median, ms", f"{status['stages_ms'].get(name, {'p50': math.nan})['p50']:.0f}"
-    yield "cores of server and engine, event loop, replay", " ".join(f"{cores:.3f}" for cores in figures.cores)
 
 
 def measure_live(

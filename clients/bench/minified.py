@@ -1,4 +1,4 @@
-"""`farside bench --minified`: what prefiltering is worth where pictures are coarser than the views."""
+"""`farside bench minified`: what prefiltering is worth where pictures are coarser than the views."""
 
 from __future__ import annotations
 
@@ -7,7 +7,14 @@ from farside.engine.synth import make_twin
 from rich.console import Console
 from rich.table import Table
 
-__all__ = ["show_minified"]
+from .options import Quality, Scale, TwinName, Views
+
+__all__ = ["command", "show_minified"]
+
+
+def command(name: TwinName, scale: Scale = 0.25, quality: Quality = "best", views: Views = 5) -> None:
+    """A twin in pictures coarser than its views, prefiltered or not."""
+    show_minified(name, scale, quality, views)
 
 
 def show_minified(name: str, scale: float, quality: str, views: int) -> None:

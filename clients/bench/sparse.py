@@ -1,4 +1,4 @@
-"""`farside bench --sparse`: pictures from depth with holes, completed and not."""
+"""`farside bench sparse`: pictures from depth with holes, completed and not."""
 
 from __future__ import annotations
 
@@ -11,7 +11,21 @@ from farside.engine.io.recording import open_recording
 from rich.console import Console
 from rich.table import Table
 
-__all__ = ["show_sparse"]
+from .options import Cameras, Every, Frames, Quality, SequenceFolder, Views
+
+__all__ = ["command", "show_sparse"]
+
+
+def command(
+    folder: SequenceFolder,
+    cameras: Cameras = None,
+    frames: Frames = 1,
+    every: Every = 12,
+    quality: Quality = "best",
+    views: Views = 5,
+) -> None:
+    """Depth punched as by time of flight: completed, not, and whole, by truth."""
+    show_sparse(folder, cameras, frames, every, quality, views)
 
 
 def show_sparse(folder: Path, cameras: list[str] | None, frames: int, every: int, quality: str, views: int) -> None:

@@ -1,4 +1,4 @@
-"""`farside bench --fill` and `--flicker`: holes against their truth, and pictures that should keep still."""
+"""`farside bench fill`: holes against their truth."""
 
 from __future__ import annotations
 
@@ -8,14 +8,27 @@ from pathlib import Path
 import numpy as np
 from farside.engine.evaluation.background import inside_rig
 from farside.engine.evaluation.filling import KINDS, compare_fills
-from farside.engine.evaluation.flicker import watch_flicker
 from farside.engine.io.recording import Recording, open_recording
 from farside.engine.settings import Settings
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_fills", "show_flicker"]
+from .options import Background, Cameras, Every, Frames, Quality, SequenceFolder, Views
+
+__all__ = ["chosen_cameras", "command", "show_fills"]
+
+
+def command(
+    folder: SequenceFolder,
+    cameras: Cameras = None,
+    frames: Frames = 16,
+    every: Every = 5,
+    quality: Quality = "best",
+    views: Views = 2,
+    background: Background = True,
+) -> None:
+    """Kinds of filling against the truth, inside holes only."""
+    show_fills(folder, cameras, frames, every, quality, views, background)
 
 
 def show_fills(
@@ -27,7 +40,7 @@ def show_fills(
     for column in ("camera", "holes, %", *(f"{kind}, PSNR-Y / SSIM" for kind in KINDS)):
         table.add_column(column, justify="right")
     settings = Settings.preset(quality, background=background)
-    for name in _chosen(sequence, cameras):
+    for name in chosen_cameras(sequence, cameras):
         sampled = range(0, min(frames, sequence.frame_count), every)
         samples = list(compare_fills(sequence, [name], sampled, views, settings))
         if samples:
@@ -37,28 +50,7 @@ def show_fills(
     Console(width=120).print(table)
 
 
-def show_flicker(
-    folder: Path, cameras: Sequence[str] | None, frames: int, quality: str, views: int, background: bool
-) -> None:
-    """Print a row a camera: change from frame to frame of what keeps still in truth, of pictures and of holes."""
-    sequence = open_recording(folder)
-    settings = Settings.preset(quality, n_render=views, background=background)
-    table = Table(title=f"{sequence.name}, quality {quality}, {views} views: change of what keeps still")
-    columns = ("camera", "still, %", "rendered", "truth", "ratio", "holes, %", "rendered", "truth", "ratio")
-    for column in columns:
-        table.add_column(column, justify="right")
-    names = _chosen(sequence, cameras)
-    with Progress(console=Console(stderr=True)) as bar:
-        for name in bar.track(names, description="watching"):
-            found = watch_flicker(sequence, name, frames, settings)
-            cells = [name]
-            for part in (found.whole, found.holes):
-                cells += f"{100 * part.share:.2f}", f"{part.rendered:.3f}", f"{part.truth:.3f}", f"{part.ratio:.2f}"
-            table.add_row(*cells)
-    Console(width=120).print(table)
-
-
-def _chosen(sequence: Recording, cameras: Sequence[str] | None) -> Sequence[str]:
+def chosen_cameras(sequence: Recording, cameras: Sequence[str] | None) -> Sequence[str]:
     """The cameras asked for, or those inside the rig; ValueError where there is none."""
     names = cameras or inside_rig(sequence)
     if not names:

@@ -1,4 +1,4 @@
-"""`farside bench --extremes`: errors against oracles where numbers are at their extremes."""
+"""`farside bench extremes`: errors against oracles where numbers are at their extremes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,14 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_extremes"]
+from .options import Report
+
+__all__ = ["command", "show_extremes"]
+
+
+def command(report: Report = None) -> None:
+    """Errors against oracles at the extremes of every number; the exit code is 1 if any fails."""
+    show_extremes(report)
 
 
 def show_extremes(report: Path | None) -> None:

@@ -1,10 +1,12 @@
-"""`farside bench --stages`: time, CPU time and work of each stage, on a sequence or a twin."""
+"""`farside bench stages`: time, CPU time and work of each stage, on a sequence or a twin."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from farside.engine.evaluation.stages import PHASES, StageReport, StageRow, measure_stages
 from farside.engine.evaluation.twin_recording import open_recording_or_twin
 from farside.engine.settings import Settings
@@ -12,7 +14,23 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-__all__ = ["show_stages"]
+from .options import Background, Frames, Quality, Report, Scale, Views
+
+__all__ = ["command", "show_stages"]
+
+
+def command(
+    name: Annotated[str, typer.Argument(metavar="SEQ|NAME", help="A sequence's folder, or a twin.")],
+    scale: Scale = 0.25,
+    frames: Frames = 8,
+    quality: Quality = "best",
+    views: Views = 5,
+    background: Background = True,
+    report: Report = None,
+) -> None:
+    """Time and work of every stage, on a sequence or a twin."""
+    settings = Settings.preset(quality, n_render=views, background=background)
+    show_stages(name, scale, frames, settings, report)
 
 
 def show_stages(name: str, scale: float, frames: int, settings: Settings, folder: Path | None) -> None:

@@ -1,1 +1,0 @@
-"""What `farside bench` shows: a module a measurement. The measuring itself is in `farside.engine.evaluation`."""
