@@ -42,6 +42,7 @@ MEASURES = {
     "sparse": Measure("Depth punched as by time of flight: completed, not, and whole, by truth."),
     "exposure": Measure("A twin whose views have random exposures and white balances."),
     "minified": Measure("A twin in pictures coarser than its views, prefiltered or not."),
+    "all": Measure("Every table and plot that the documents show, kept in a folder and resumed.", named=False),
 }
 _SWITCHES = ("--background", "--no-background", "--help")  # all other options take a value
 
