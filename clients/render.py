@@ -7,7 +7,7 @@ import json
 import math
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from farside.engine.io.pose_trace import read_pose_trace
@@ -29,9 +29,24 @@ from rich.progress import Progress
 
 __all__ = ["command"]
 
+Tolerance = Annotated[
+    float | None, typer.Option(help="Triangulation error in pixels; 0: two triangles a pixel.")
+]
+ViewingSpace = Annotated[
+    tuple[float, float, float, float] | None,
+    typer.Option(metavar="X Y Z R", help="Heads stay in this ball, metres: what it cannot see is not kept."),
+]
+Exposure = Annotated[
+    float | None,
+    typer.Option(help="Time constant of following the views' exposure and white balance, s; 0: leave them."),
+]
+OutputScale = Annotated[
+    float | None, typer.Option(help="Size of the pictures to that asked for, each way, at the same field of view.")
+]
+
 
 def command(
-    sequence: Annotated[Path, typer.Argument(metavar="SEQ", help="Folder of a TMIV sequence.")],
+    sequence: Annotated[Path, typer.Argument(metavar="SEQ", help="A recording: the folder of a TMIV sequence.")],
     out: Annotated[Path, typer.Option(help="Folder for the pictures.")],
     camera: Annotated[list[str] | None, typer.Option(help="A virtual camera of the sequence.")] = None,
     pose_trace: Annotated[Path | None, typer.Option(help="CSV of head poses.")] = None,
@@ -50,21 +65,11 @@ def command(
         bool, typer.Option("--history/--no-history", help="Show frames before A to the model first.")
     ] = True,
     quality: Annotated[str, typer.Option(help="fast, balanced, best, or paper (as published).")] = "balanced",
-    tolerance: Annotated[
-        float | None, typer.Option(help="Triangulation error in pixels; 0: two triangles a pixel.")
-    ] = None,
+    tolerance: Tolerance = None,
     delta: Annotated[float | None, typer.Option(help="Culling tolerance, metres (the paper's: 0.2).")] = None,
-    viewing_space: Annotated[
-        tuple[float, float, float, float] | None,
-        typer.Option(metavar="X Y Z R", help="Heads stay in this ball, metres: what it cannot see is not kept."),
-    ] = None,
-    exposure: Annotated[
-        float | None,
-        typer.Option(help="Time constant of following the views' exposure and white balance, s; 0: leave them."),
-    ] = None,
-    output_scale: Annotated[
-        float | None, typer.Option(help="Size of the pictures to that asked for, each way, at the same field of view.")
-    ] = None,
+    viewing_space: ViewingSpace = None,
+    exposure: Exposure = None,
+    output_scale: OutputScale = None,
     fill: Annotated[bool, typer.Option("--fill/--no-fill", help="Fill disocclusions.")] = True,
     png: Annotated[bool, typer.Option(help="Also write PNG files.")] = False,
     report: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write a report.")] = None,
@@ -82,20 +87,25 @@ def command(
     targets, count = _targets(opened, camera or [], pose_trace, stereo, ipd, size, fov)
     start, stop = _frame_range(frames, count)
     job = RenderJob(opened, _sources(opened, sources), targets, start, stop, history)
-    rows = []
-    console = Console(stderr=True)
-    with PictureWriter(out, png=png, masks=ppm_masks) as writer, Progress(console=console) as progress:
-        task = progress.add_task("rendering (the first run compiles kernels)", total=stop - start)
-        for index, pictures, row in Renderer(job, settings).frames():
-            for name, picture in pictures.items():
-                writer.write(name, index, picture)
-            rows.append(row)
-            progress.advance(task)
+    rows = _render(Renderer(job, settings), PictureWriter(out, png=png, masks=ppm_masks))
     result = summary(rows, settings)
     if report is not None:
         report.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     median = {name: round(values["median"], 1) for name, values in result["summary"]["stages"].items()}
-    console.print(f"{len(rows)} frames to {out}; median milliseconds a frame: {median}")
+    Console(stderr=True).print(f"{len(rows)} frames to {out}; median milliseconds a frame: {median}")
+
+
+def _render(renderer: Renderer, writer: PictureWriter) -> list[dict[str, Any]]:
+    """Write the pictures of a job; returns the report's row of each frame."""
+    rows, job = [], renderer.job
+    with writer, Progress(console=Console(stderr=True)) as progress:
+        task = progress.add_task("rendering (the first run compiles kernels)", total=job.stop - job.start)
+        for index, pictures, row in renderer.frames():
+            for name, picture in pictures.items():
+                writer.write(name, index, picture)
+            rows.append(row)
+            progress.advance(task)
+    return rows
 
 
 def _sources(sequence: Recording, sources: str | None) -> tuple[str, ...]:

@@ -78,23 +78,11 @@ def command(
 ) -> None:
     """Run the live server. Every option can be given in the environment too, as FARSIDE_PORT and so on."""
     settings = server_settings(
-        host=host,
-        port=port,
-        token=token,
-        quality=quality,
-        views=views,
-        init=init,
-        update=update,
-        update_interval=update_interval,
-        output_scale=output_scale,
-        jpeg_quality=jpeg_quality,
-        background=background,
-        viewing_space=viewing_space,
-        target_fps=target_fps,
-        longest_update_s=longest_update_s,
-        max_viewers=max_viewers,
-        log_level=log_level,
-    )
+        host=host, port=port, token=token, quality=quality, views=views, init=init, update=update,
+        update_interval=update_interval, output_scale=output_scale, jpeg_quality=jpeg_quality, background=background,
+        viewing_space=viewing_space, target_fps=target_fps, longest_update_s=longest_update_s,
+        max_viewers=max_viewers, log_level=log_level,
+    )  # fmt: skip
     with listen(settings) as listening:
         print(f"serving at {url_of(listening, settings.token)} (Ctrl-C stops)", flush=True)
         run(make_server(settings), listening)
