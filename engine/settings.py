@@ -38,11 +38,11 @@ class Settings:
     edge_px: float | None = None  # disparity step between neighbours that is a depth edge, reprojected pixels
     completion: bool = True  # pixels without depth get one (30 ms of one core a megapixel); others cost nothing
     overdraw: bool = True  # lay the backdrop over everything, not only where the views left holes
-    # The backdrop is not shown where one of the present views looks through it, and where one that is not drawn has a
-    # surface that one is. Without: only depth decides.
+    # The backdrop is not shown where one of the present views looks through it; a hole shows the surface that a view
+    # which is not drawn has there. If False, only depth decides.
     ghost_test: bool = True
     rims: bool = True  # pixels at depth edges keep their full square where no view has a surface
-    model_rims: bool = True  # they keep it in the background model as well; without: triangles across edges are culled
+    model_rims: bool = True  # so do those of the model; False: triangles across edges are only culled
     baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
     # Heads stay in a ball, x, y, z and radius in metres of the world: what of the background faces away from all of it,
     # or is hidden from it by other background, is not kept. None: they go anywhere.
@@ -55,13 +55,14 @@ class Settings:
     margin_m: float | None = None  # by how much a maximum depth image's surface must be farther than the last one
     backdrop_m: float | None = None  # how far the backdrop is moved backwards; None: by delta at its depth
     culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
-    # Triangles that the rays through pixels missed get rays of their own before they are culled. Without (where
-    # culling_stride is 1 or more), they are culled at once, and only cameras that build the S-PBS cast rays for it.
+    # Triangles that the rays through pixels missed get rays of their own before they are culled. If False (then
+    # culling_stride must be 1 or more), they are culled at once, and only cameras that build the S-PBS cast its rays.
     rays_by_triangle: bool = True
-    # A pixel that is found farther joins the P-PBS with so many of its eight neighbours; 0: alone as well.
+    # A pixel that is found farther joins the P-PBS only if at least this number of its eight neighbours belong to it or
+    # join it too; 0: alone as well.
     filter_neighbours: int = 3
-    # Maximum depth images take the mean of what is seen again where depth is noisy, and colours at outlines anew.
-    # Without: a pixel changes only when something farther is seen.
+    # Maximum depth images average surfaces that are seen again where depth is noisy, and replace colours that were seen
+    # at an outline. If False, a pixel changes only when something farther is seen.
     refine: bool = True
     backdrop: str = "standing"  # shown of the model behind a pixel: the nearest that stands, or the paper's "farthest"
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
@@ -154,9 +155,11 @@ class Settings:
         picture anew. blend: of the warped triangles the nearest shows. completion, exposure_s, antialias, cubic and
         prefilter are not in the paper.
 
-        Three steps differ: n_render views are chosen by the overlap of fields of view (3.1 allows it, 4.1 took the
+        These steps differ: n_render views are chosen by the overlap of fields of view (3.1 allows it, 4.1 took the
         nearest cameras); the filter of Fig. 6b casts its rays through the pixels of a camera, the corners of new
-        triangles, not through their centres; and a camera's marks stay until its next turn, when others have theirs.
+        triangles, not through their centres; a camera's marks stay while other cameras have their turns (3.3.3 does not
+        say); the backdrop hides what was drawn only where it is 3 % nearer; and the PBI is interpolated where it shows
+        one plane, and has no rays where the selected views already cover the picture.
         """
         return cls(
             n_render=5, n_init=6, n_update=1, delta_m=0.2, delta_disparity=0.0, margin_m=0.2, tolerance_px=0.0,

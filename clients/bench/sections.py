@@ -161,7 +161,7 @@ SECTIONS = (
 
 
 def sized(section: Section, scale: float | None, frames: int | None) -> Section:
-    """A section at another size: pictures of `scale`, at most so many frames; None: as it is."""
+    """A section at another size: pictures of `scale`, at most `frames` frames; None: as it is."""
     values = list(section.arguments)
     for option, value in (("--scale", scale), ("--frames", frames)):
         if value is not None and option in values:
