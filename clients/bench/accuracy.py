@@ -45,17 +45,17 @@ def show_accuracy(
     folders: Sequence[Path], twins: str | None, scale: float, chosen: Sequence[str], plan: Plan, report: Path | None
 ) -> None:
     """Print a row for each sequence, quality, number of views and model; with `report`, write figures and a page."""
-    materials: list[Recording] = list(find_recordings(folders))
-    materials += [TwinRecording(make_twin(name, scale)) for name in (twins.split(",") if twins else ())]
-    if not materials:
+    recordings: list[Recording] = list(find_recordings(folders))
+    recordings += [TwinRecording(make_twin(name, scale)) for name in (twins.split(",") if twins else ())]
+    if not recordings:
         raise ValueError("bench --accuracy: nothing to render: expected folders of sequences or --twins NAME,...")
-    work = [(material, list(chosen) or default_targets(material)) for material in materials]
+    work = [(recording, list(chosen) or default_targets(recording)) for recording in recordings]
     pages, samples = AccuracyReport(report) if report else None, list[Sample]()
     # Stopped half-way there are still figures of what was done.
     with suppress(KeyboardInterrupt), Progress(console=Console(stderr=True)) as bar:
-        for material, targets in work:
-            task = bar.add_task(material.name, total=picture_count(material, targets, plan))
-            for judged in judge_pictures(material, targets, plan):
+        for recording, targets in work:
+            task = bar.add_task(recording.name, total=picture_count(recording, targets, plan))
+            for judged in judge_pictures(recording, targets, plan):
                 samples.append(judged.sample)
                 if pages:
                     pages.add(judged)
@@ -63,7 +63,7 @@ def show_accuracy(
     console = Console(width=180)
     console.print(_table(samples))
     if pages:
-        console.print(f"report: {pages.finish('Accuracy: ' + ', '.join(material.name for material in materials))}")
+        console.print(f"report: {pages.finish('Accuracy: ' + ', '.join(recording.name for recording in recordings))}")
 
 
 def make_plan(views: str | None, background: bool | None, quality: str, frames: int | None, every: int | None) -> Plan:

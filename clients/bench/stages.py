@@ -35,14 +35,14 @@ def command(
 
 def show_stages(name: str, scale: float, frames: int, settings: Settings, folder: Path | None) -> None:
     """Print a table; with `folder`, write stages.json into it."""
-    material = open_recording_or_twin(name, scale)
-    frames = min(frames, material.frame_count)
+    recording = open_recording_or_twin(name, scale)
+    frames = min(frames, recording.frame_count)
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("playing (the first run compiles kernels)", total=frames + 1)
-        report = measure_stages(material, settings, frames, lambda: bar.advance(task))
+        report = measure_stages(recording, settings, frames, lambda: bar.advance(task))
     console = Console(width=140)
     width, height = report.size
-    console.print(_table(report, f"{material.name}: {frames} frames, a pair of {width}x{height} an eye"))
+    console.print(_table(report, f"{recording.name}: {frames} frames, a pair of {width}x{height} an eye"))
     console.print(f"compiling or loading kernels, in the first run alone: {report.compile_s:.1f} s")
     if folder:
         folder.mkdir(parents=True, exist_ok=True)

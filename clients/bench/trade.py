@@ -38,15 +38,15 @@ def command(
 
 def show_trade(folders: Sequence[Path], twins: str | None, scale: float, plan: Plan, report: Path | None) -> None:
     """Print the points and the front; with `report`, write them, a plot and a summary into that folder."""
-    materials: list[Recording] = list(find_recordings(folders))
-    names = twins if twins is not None else "" if materials else _TWINS
-    materials += [TwinRecording(make_twin(name, scale)) for name in names.split(",") if name]
+    recordings: list[Recording] = list(find_recordings(folders))
+    names = twins if twins is not None else "" if recordings else _TWINS
+    recordings += [TwinRecording(make_twin(name, scale)) for name in names.split(",") if name]
     swept, rows = variants(), list[Row]()
     # Stopped half-way there are still figures of what was done.
     with suppress(KeyboardInterrupt), Progress(console=Console(stderr=True)) as bar:
-        for material in materials:
-            task = bar.add_task(f"{material.name}, {len(swept)} variants", total=step_count(plan, material))
-            rows += sweep(material, swept, plan, lambda task=task: bar.advance(task))  # type: ignore[misc]
+        for recording in recordings:
+            task = bar.add_task(f"{recording.name}, {len(swept)} variants", total=step_count(plan, recording))
+            rows += sweep(recording, swept, plan, lambda task=task: bar.advance(task))  # type: ignore[misc]
     points = summarise(rows, swept)
     console = Console(width=140)
     console.print(_table(points, "all points"))

@@ -48,9 +48,9 @@ class Plan:
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 1")
 
-    def indices(self, material: Recording) -> list[int]:
+    def indices(self, recording: Recording) -> list[int]:
         """The frames whose pictures are judged: every so many, and the last."""
-        last = min(self.frames, material.frame_count) - 1
+        last = min(self.frames, recording.frame_count) - 1
         return sorted({*range(0, last + 1, self.every), last})
 
 
@@ -112,9 +112,9 @@ class Judged:
     picture: RenderedPicture
 
 
-def picture_count(material: Recording, targets: Sequence[str], plan: Plan) -> int:
+def picture_count(recording: Recording, targets: Sequence[str], plan: Plan) -> int:
     """How many pictures `judge_pictures` will yield."""
-    return len(plan.indices(material)) * sum(len(run.targets) for run in _runs(material, targets, plan))
+    return len(plan.indices(recording)) * sum(len(run.targets) for run in _runs(recording, targets, plan))
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,32 +127,32 @@ class _Run:
     targets: list[str]
 
 
-def _runs(material: Recording, targets: Sequence[str], plan: Plan) -> list[_Run]:
-    total = len(material.source_names)
+def _runs(recording: Recording, targets: Sequence[str], plan: Plan) -> list[_Run]:
+    total = len(recording.source_names)
     counts = dict.fromkeys(min(count or total, total) for count in plan.views)
     runs: dict[tuple[tuple[str, ...], bool, str], _Run] = {}
     for count, target in itertools.product(counts, targets):
-        names = nearest_views(material, target, count)
+        names = nearest_views(recording, target, count)
         for quality, model in itertools.product(plan.qualities, plan.model):
             runs.setdefault((names, model, quality), _Run(names, model, quality, [])).targets.append(target)
     return list(runs.values())
 
 
-def judge_pictures(material: Recording, targets: Sequence[str], plan: Plan) -> Iterator[Judged]:
+def judge_pictures(recording: Recording, targets: Sequence[str], plan: Plan) -> Iterator[Judged]:
     """Play the frames through an engine for each case side by side; yields every judged picture.
 
     Raises ValueError for cameras without ground truth.
     """
-    runs, judged = _runs(material, targets, plan), plan.indices(material)
+    runs, judged = _runs(recording, targets, plan), plan.indices(recording)
     rendered = {*judged, *(index - 1 for index in judged)}  # flicker wants the frame before too
-    union = [name for name in material.source_names if any(name in run.names for run in runs)]
-    players = [_Player(material, run) for run in runs]
+    union = [name for name in recording.source_names if any(name in run.names for run in runs)]
+    players = [_Player(recording, run) for run in runs]
     for index in range(judged[-1] + 1):
         shown = [player for player in players if player.run.model or index in rendered]
         if not shown:
             continue
-        frame = material.frame(index, union)
-        truths = {name: material.texture(name, index) for name in targets} if index in rendered else {}
+        frame = recording.frame(index, union)
+        truths = {name: recording.texture(name, index) for name in targets} if index in rendered else {}
         for player in shown:
             yield from player.play(frame, truths, judged=index in judged)
 
@@ -160,16 +160,16 @@ def judge_pictures(material: Recording, targets: Sequence[str], plan: Plan) -> I
 class _Player:
     """A run's engine, and the pictures that it rendered last."""
 
-    def __init__(self, material: Recording, run: _Run) -> None:
-        self.material, self.run = material, run
+    def __init__(self, recording: Recording, run: _Run) -> None:
+        self.recording, self.run = recording, run
         settings = Settings.preset(run.quality, n_render=len(run.names), background=run.model)
-        self.engine = Engine([material.camera(name) for name in run.names], settings, f_vin=material.fps)
+        self.engine = Engine([recording.camera(name) for name in run.names], settings, f_vin=recording.fps)
         self.last: dict[str, tuple[RenderedPicture, Texture]] = {}
 
     def play(self, frame: Frame, truths: dict[str, Texture], *, judged: bool) -> Iterator[Judged]:
         """Show a frame to the engine, render the targets that have truths, and judge them where asked."""
         views = tuple(view for view in frame.views if view.camera.name in self.run.names)
-        viewers = {name: self.material.camera(name, frame.index) for name in self.run.targets if name in truths}
+        viewers = {name: self.recording.camera(name, frame.index) for name in self.run.targets if name in truths}
         self.engine.update(Frame(frame.index, views), viewers)
         for name, camera in viewers.items():
             picture, truth = self.engine.render_camera(camera, name), truths[name]
@@ -181,7 +181,7 @@ class _Player:
         run, erp = self.run, erp_range(picture.camera)
         alike = structural_similarity(truth, picture.texture, erp).figures()
         sample = Sample(
-            Case(self.material.name, name, len(run.names), run.model, run.quality),
+            Case(self.recording.name, name, len(run.names), run.model, run.quality),
             index,
             psnr(truth, picture.texture)[0],
             ws_psnr(truth, picture.texture, erp)[0] if erp else None,
@@ -194,16 +194,16 @@ class _Player:
             picture.report.holes_backdrop,
             flicker=_flicker(self.last.get(name), picture, truth),
         )
-        if not isinstance(self.material, TwinRecording):
+        if not isinstance(self.recording, TwinRecording):
             return sample
-        fine, model = self.material.fine(name, index), self.engine.model
+        fine, model = self.recording.fine(name, index), self.engine.model
         edges = judge_silhouettes(fine, picture.texture, picture.disparity)
         return dataclasses.replace(
             sample,
-            ghosts=self.material.ghosts(name, index, model) if model else None,
+            ghosts=self.recording.ghosts(name, index, model) if model else None,
             bias_px=_known(edges.bias_px),
             roughness_px=_known(edges.roughness_px),
-            truth_roughness_px=_known(self.material.roughness(name, index)),
+            truth_roughness_px=_known(self.recording.roughness(name, index)),
             silhouettes=edges.silhouettes,
             thin=_known(edges.thin),
             thin_pixels=edges.thin_pixels,

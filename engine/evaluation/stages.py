@@ -94,20 +94,20 @@ def head_amid(cameras: Sequence[Camera], pose: Pose | None = None) -> StereoView
 
 
 def measure_stages(
-    material: Recording, settings: Settings, frames: int, progress: Callable[[], None] = lambda: None
+    recording: Recording, settings: Settings, frames: int, progress: Callable[[], None] = lambda: None
 ) -> StageReport:
     """Play some frames and render a pair from each; calls `progress` after each frame, and once before."""
-    cameras = [material.camera(name) for name in material.source_names]
-    head, names = head_amid(cameras), material.source_names
-    unready = _Run(Engine(cameras, settings, f_vin=material.fps), head)
+    cameras = [recording.camera(name) for name in recording.source_names]
+    head, names = head_amid(cameras), recording.source_names
+    unready = _Run(Engine(cameras, settings, f_vin=recording.fps), head)
     few = min(2, frames)
     for index in range(few):
-        unready.take(material.frame(index, names))
+        unready.take(recording.frame(index, names))
     progress()
-    run = _Run(Engine(cameras, settings, f_vin=material.fps), head)
+    run = _Run(Engine(cameras, settings, f_vin=recording.fps), head)
     for index in range(frames):
         with timed(whole := Stages(), "ingest"):
-            frame = material.frame(index, names)
+            frame = recording.frame(index, names)
         run.add(index, whole, {"ingest": {"bytes": _size(frame)}})
         run.take(frame)
         progress()

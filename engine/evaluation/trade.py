@@ -52,9 +52,9 @@ class Plan:
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 1")
 
-    def indices(self, material: Recording) -> list[int]:
+    def indices(self, recording: Recording) -> list[int]:
         """The video frames that are played."""
-        return list(range(0, min(self.frames * self.step, material.frame_count), self.step))
+        return list(range(0, min(self.frames * self.step, recording.frame_count), self.step))
 
     def is_judged(self, number: int, count: int) -> bool:
         """Whether pictures of the number-th of `count` frames are judged: the last, and others of the later half."""
@@ -89,24 +89,24 @@ class Row:
     rays: float
 
 
-def step_count(plan: Plan, material: Recording) -> int:
+def step_count(plan: Plan, recording: Recording) -> int:
     """How many steps of progress `sweep` makes."""
-    return len(plan.indices(material)) + plan.rounds
+    return len(plan.indices(recording)) + plan.rounds
 
 
 def sweep(
-    material: Recording, swept: Sequence[Variant], plan: Plan, progress: Callable[[], None] = lambda: None
+    recording: Recording, swept: Sequence[Variant], plan: Plan, progress: Callable[[], None] = lambda: None
 ) -> list[Row]:
     """Play a sequence or twin through all variants side by side; a row for each, in their order.
 
     Raises ValueError where no virtual camera has a ground truth.
     """
-    run = _Sweep(material, swept, plan)
-    indices = plan.indices(material)
+    run = _Sweep(recording, swept, plan)
+    indices = plan.indices(recording)
     with one_thread():
-        run.warm_up(material.frame(indices[0], material.source_names))
+        run.warm_up(recording.frame(indices[0], recording.source_names))
         for number, index in enumerate(indices):
-            run.play(material.frame(index, material.source_names))
+            run.play(recording.frame(index, recording.source_names))
             if plan.is_judged(number, len(indices)):
                 run.judge(index)
             progress()
@@ -143,16 +143,16 @@ def _key(settings: Settings) -> Settings:
 
 
 class _Sweep:
-    """The engines and figures of all variants on a material."""
+    """The engines and figures of all variants on a recording."""
 
-    def __init__(self, material: Recording, swept: Sequence[Variant], plan: Plan) -> None:
-        self._material, self._swept = material, swept
-        self._viewers, self._truths = _viewers(material)
-        cameras = [material.camera(name) for name in material.source_names]
+    def __init__(self, recording: Recording, swept: Sequence[Variant], plan: Plan) -> None:
+        self._recording, self._swept = recording, swept
+        self._viewers, self._truths = _viewers(recording)
+        cameras = [recording.camera(name) for name in recording.source_names]
         self._back_ends: dict[Settings, _BackEnd] = {}
         for settings in (s for variant in swept for s in (variant.base, variant.settings)):
             if _key(settings) not in self._back_ends:
-                engine = Engine(cameras, settings, f_vin=material.fps / plan.step)
+                engine = Engine(cameras, settings, f_vin=recording.fps / plan.step)
                 self._back_ends[_key(settings)] = _BackEnd(engine, settings)
         self._figures = [_Figures() for _ in swept]
 
@@ -218,7 +218,7 @@ class _Sweep:
         encoding, base_encoding = (float(np.median(e)) for e in (figures.encoding, figures.base_encoding))
         later = slice(2, None) if len(own.seconds) > 2 else slice(None)
         return Row(
-            self._material.name, variant.kind, variant.knob, variant.value,
+            self._recording.name, variant.kind, variant.knob, variant.value,
             mean["iv_psnr"], mean["psnr_y"], mean["sent"],
             rendering, (rendering + encoding) / (1.0 + base_encoding),
             float(np.median(np.divide(own.seconds[later], base.seconds[later]))), own.seconds[0] / base.seconds[0],
@@ -238,16 +238,16 @@ def _timed(work: Callable[..., T], *arguments: object) -> tuple[T, float]:
     return result, time.process_time() - start
 
 
-def _viewers(material: Recording) -> tuple[dict[str, Viewer], Callable[[int], list[Texture]]]:
+def _viewers(recording: Recording) -> tuple[dict[str, Viewer], Callable[[int], list[Texture]]]:
     """Who looks, and the truths of a frame in the order of the pictures: in a twin a head where one of its virtual
     cameras is, in a sequence all of those inside the rig."""
-    targets = default_targets(material)
-    if not isinstance(material, TwinRecording):
-        return {name: material.camera(name) for name in targets}, lambda index: [
-            material.texture(name, index) for name in targets
+    targets = default_targets(recording)
+    if not isinstance(recording, TwinRecording):
+        return {name: recording.camera(name) for name in targets}, lambda index: [
+            recording.texture(name, index) for name in targets
         ]
-    cameras = [material.camera(name) for name in material.source_names]
-    head, twin = head_amid(cameras, material.camera(targets[0]).pose), material.twin
+    cameras = [recording.camera(name) for name in recording.source_names]
+    head, twin = head_amid(cameras, recording.camera(targets[0]).pose), recording.twin
     eyes = head.eyes(cameras[0].depth)
     return {"head": head}, lambda index: [twin.truth(eye, index).texture for eye in eyes]
 
