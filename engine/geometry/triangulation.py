@@ -15,6 +15,7 @@ from ..kernels.geometry import changes as change_kernels
 from ..kernels.geometry import cuts as cut_kernels
 from ..kernels.geometry import splits as split_kernels
 from ..kernels.geometry import triangulate as kernels
+from ..kernels.geometry.records import BlockArrays, DepthMap, MeshArrays, Rays
 from ..rig.camera import Camera, Perspective
 from ..support.packed import CX, CY, FX, FY, PHI_MAX, RADIANS_A_COLUMN, RADIANS_A_ROW, THETA_MAX
 from .mesh import Mesh
@@ -249,26 +250,26 @@ def _mesh(
     before: Mesh | None = None,
 ) -> Mesh:
     """Make some blocks' triangles; the others are as they were before."""
-    wraps, splits, states = camera.wraps, blocks.splits, blocks.states
+    states = blocks.states
     if before is None:
         nothing = np.empty((0, 3), np.float32), np.empty((0, 2), np.float32), np.empty((0, 3), np.int32)
         before = Mesh(*nothing, np.zeros((states.size + 1, 2), np.int64))
     used = np.empty((*states.shape, split_kernels.SIDE), np.int64)
+    depth, arrays = DepthMap(codes, flags, camera.wraps), BlockArrays(blocks.splits, states, remade, used)
     counts = np.diff(before.starts, axis=0) if before.block_starts is not None else np.zeros((states.size, 2), np.int64)
-    kernels.count_triangles(flags, splits, states, wraps, parts, remade, used, counts)
+    kernels.count_triangles(depth, arrays, parts, counts)
     starts = np.zeros((states.size + 1, 2), np.int64)
     np.cumsum(counts, axis=0, out=starts[1:])
-    points = np.empty((starts[-1, 0], 3), np.float32)
-    uv = np.empty((starts[-1, 0], 2), np.float32)
-    triangles = np.empty((starts[-1, 1], 3), np.int32)
-    packed, projection = camera.packed(origin), camera.projection
+    (points, triangles), projection = starts[-1].tolist(), camera.projection
+    mesh = MeshArrays(
+        np.empty((points, 3), np.float32), np.empty((points, 2), np.float32), np.empty((triangles, 3), np.int32)
+    )
     mirrored = isinstance(projection, Perspective) and projection.fx * projection.fy < 0
     kernels.emit_triangles(
-        codes, flags, splits, states, wraps, parts, used, starts, camera.depth.packed(), packed,
-        *_directions(camera, packed), 2 if mirrored else 1, points, uv, triangles,
-        remade, before.starts, before.points, before.uv, before.triangles,
+        depth, arrays, parts, starts, camera.depth.packed(), _rays(camera, origin), 2 if mirrored else 1,
+        mesh, before.starts, MeshArrays(before.points, before.uv, before.triangles),
     )  # fmt: skip
-    return Mesh(points, uv, triangles, starts)
+    return Mesh(*mesh, starts)
 
 
 def _tiling(h: int, w: int) -> tuple[int, int]:
@@ -276,17 +277,16 @@ def _tiling(h: int, w: int) -> tuple[int, int]:
     return math.ceil(h / LANES), math.ceil(w / LANES)
 
 
-def _directions(
-    camera: Camera, packed: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Directions of half pixels, across [2 w + 1, 2] and down [2 h - 1, 2] (see `kernels.emit_triangles`)."""
+def _rays(camera: Camera, origin: npt.ArrayLike) -> Rays:
+    """Directions of half pixels, with the camera relative to the origin."""
+    packed = camera.packed(origin)
     u, v = 0.5 * np.arange(2 * camera.width + 1) + 0.5, 0.5 * np.arange(2 * camera.height - 1) + 0.5
     if isinstance(camera.projection, Perspective):
         across = np.stack([np.ones_like(u), (packed[CX] - u) / packed[FX]], axis=-1)
-        return across, np.stack([np.ones_like(v), (packed[CY] - v) / packed[FY]], axis=-1)
+        return Rays(packed, across, np.stack([np.ones_like(v), (packed[CY] - v) / packed[FY]], axis=-1))
     phi, theta = packed[PHI_MAX] - u * packed[RADIANS_A_COLUMN], packed[THETA_MAX] - v * packed[RADIANS_A_ROW]
     across, down = (np.stack([np.cos(angle), np.sin(angle)], axis=-1) for angle in (phi, theta))
-    return across, down
+    return Rays(packed, across, down)
 
 
 def _check(name: str, array: npt.NDArray[Any], shape: tuple[int, int], dtype: type) -> None:

@@ -12,10 +12,12 @@ from ..geometry.mesh import Mesh
 from ..geometry.prepared_view import Part, PreparedView, ViewTable
 from ..kernels.base import view_table
 from ..kernels.base.tolerance import Delta
+from ..kernels.base.view_table import Views
 from ..kernels.rendering import antialias, shade
 from ..kernels.rendering import backdrop as backdrop_kernels
 from ..kernels.rendering import fill as fill_kernels
 from ..kernels.rendering import tiles as tile_kernels
+from ..kernels.rendering.records import DepthBuffer, Planes
 from ..rig.frame import Texture
 from ..support.packed import POSITION_SLICE
 from .rasteriser import Rasteriser
@@ -43,7 +45,7 @@ class Canvas:
         self._open_tiles = new_tiles(height, width)
         self._marks: npt.NDArray[np.uint8] | None = None  # pixels of a picture of half the size that are meant
         self._marked_tiles = EVERYWHERE
-        self.planes = (np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32))
+        self.planes = Planes(np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32))
         self._rasteriser = Rasteriser(height)
 
     @property
@@ -51,6 +53,11 @@ class Canvas:
         """Bytes of memory that it keeps from picture to picture."""
         planes = (self.disparity, self.winner, self._backdrop, self._nobody, *self.planes)
         return sum(plane.nbytes for plane in planes) + self._rasteriser.nbytes
+
+    @property
+    def buffer(self) -> DepthBuffer:
+        """What was drawn."""
+        return DepthBuffer(self.disparity, self.winner)
 
     def clear(self, marks: npt.NDArray[np.uint8] | None = None) -> None:
         """Forget the last picture's surfaces.
@@ -110,9 +117,7 @@ class Canvas:
         tiles = self._marked_tiles if tiles is None else tiles
         if tiles.size and not tiles.any():
             return 0
-        return self._rasteriser.draw(
-            mesh, target, number, near, margin, self.disparity, self.winner, tiles, open_tiles
-        )
+        return self._rasteriser.draw(mesh, target, number, near, margin, self.buffer, tiles, open_tiles)
 
     def draw_holes(self, part: Part, views: Sequence[PreparedView], target: Target, near: float) -> int:
         """Draw a part of the views into what is still empty; returns the number of triangles drawn."""
@@ -137,7 +142,7 @@ class Canvas:
         self._backdrop.fill(0.0)
         number = len(drawn)
         triangles = self._rasteriser.draw(
-            backdrop.mesh(), target, number, near, 0.0, self._backdrop, self._nobody, tiles
+            backdrop.mesh(), target, number, near, 0.0, DepthBuffer(self._backdrop, self._nobody), tiles
         )
         if self._marks is not None:
             antialias.keep_marked(self._marks, self._backdrop)
@@ -146,8 +151,7 @@ class Canvas:
         else:
             seen, others = present, _others(present, drawn, target)
         backdrop_kernels.lay_backdrop(
-            self._backdrop, target.packed, seen.rows, seen.addresses, others, push, delta, number, self.disparity,
-            self.winner,
+            self._backdrop, target.packed, Views(seen.rows, seen.addresses), others, push, delta, number, self.buffer,
         )  # fmt: skip
         return triangles
 
@@ -165,8 +169,8 @@ class Canvas:
         table = rows.copy()
         table[:, view_table.SHARPNESS] *= target.radians_a_pixel
         shade.shade(
-            self.disparity, self.winner, target.packed, views.rows, views.addresses, table, addresses,
-            n_views, blend, cubic, *self.planes,
+            self.buffer, target.packed, Views(views.rows, views.addresses), Views(table, addresses), n_views, blend,
+            cubic, self.planes,
         )  # fmt: skip
 
     def texture(self) -> Texture:

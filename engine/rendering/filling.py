@@ -12,6 +12,7 @@ from ..geometry.prepared_view import pixels_per_radian
 from ..geometry.pyramid import empty_levels
 from ..kernels.rendering import fill as kernels
 from ..kernels.rendering import structure
+from ..kernels.rendering.records import Planes
 from ..kernels.rendering.tiles import TILE
 from ..rig.camera import Camera
 from ..support.array_types import I32
@@ -53,10 +54,10 @@ def fill(
     holes = holes or HoleMap.of(disparity)
     places, index = holes.listed(disparity)
     depths, layer = np.empty((len(places), 2), np.float32), np.zeros(disparity.shape, np.int32)
-    rims = holes.rims(disparity, index)
-    structure.spread_depths(disparity, places, index, rims, rise, depths)
+    listed = structure.Holes(places, index, holes.rims(disparity, index))
+    structure.spread_depths(disparity, listed, rise, depths)
     if structured:
-        structure.continue_structure(disparity, places, index, rims, depths, _LAYERS, *_DISC, layer, *planes)
+        structure.continue_structure(disparity, listed, depths, _LAYERS, _DISC, layer, Planes(*planes))
     smooth = _smooth_level(disparity, planes, holes.neighbourhood(_BLOCK // TILE))
     kernels.fade_into_smooth(places, layer, smooth, _FADE_PX, disparity, *planes)
     return places

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ..geometry.mesh import Mesh
 from ..kernels.base.simd import BEYOND
 from ..kernels.rendering import blocks, rasterise, sorting, spherical
+from ..kernels.rendering.records import Bands, DepthBuffer, Regions, VisibleBlocks
 from .target import Target
 from .tiles import EVERYWHERE, Tiles
 
@@ -51,13 +52,12 @@ class Rasteriser:
         return self._lists.nbytes + self._screen.nbytes + self._nearer.nbytes
 
     def draw(
-        self, mesh: Mesh, target: Target, number: int, near: float, margin: float,
-        disparity: npt.NDArray[np.float32], winner: npt.NDArray[np.uint8], tiles: Tiles,
+        self, mesh: Mesh, target: Target, number: int, near: float, margin: float, buffer: DepthBuffer, tiles: Tiles,
         open_tiles: Tiles = EVERYWHERE,
     ) -> int:  # fmt: skip
         """Draw a mesh as view `number` where it is nearer by `margin` (1/m).
 
-        disparity, winner [h, w]. `tiles`, `open_tiles`: from `tiles.new_tiles`, where triangles are drawn and where a
+        `tiles`, `open_tiles`: from `tiles.new_tiles`, where triangles are drawn and where a
         later view's may win (`kernels.rendering.sorting`), or EVERYWHERE. Returns the number of triangles drawn.
         """
         camera, starts = target.packed, mesh.starts
@@ -68,8 +68,9 @@ class Rasteriser:
         kernels = _SERIAL if (starts[visible + 1] - starts[visible]).sum() < _FEW else _PARALLEL
         screen = self._room("_screen", len(mesh.points) * 4).reshape(-1, 4)
         nearer = self._room("_nearer", len(mesh.points) + BEYOND)
+        drawn_before = buffer.disparity if open_tiles.size else _NOTHING
         kernels.place(
-            mesh.points, starts, visible, camera, disparity if open_tiles.size else _NOTHING, margin, screen, nearer
+            mesh.points, starts, visible, camera, drawn_before, margin, screen, nearer
         )
         # Chunks of blocks with about as many triangles each.
         sums = np.concatenate([[0], np.cumsum(starts[visible + 1, 1] - starts[visible, 1])])
@@ -78,23 +79,16 @@ class Rasteriser:
         drawn = np.empty(_CHUNKS, np.int64)
         most = int(np.diff(sums[shares]).max())
         lists = self._room("_lists", self._counts.size * most).reshape(*self._counts.shape, most)
-        if len(target.columns):
-            spherical.sort_into_bands(
-                screen, mesh.triangles, starts, visible, shares, camera, self._band_rows, self._counts, lists, drawn
-            )
+        shown, bands = VisibleBlocks(starts, visible, shares), Bands(self._band_rows, self._counts, lists)
+        if len(target.directions.columns):
+            spherical.sort_into_bands(screen, mesh.triangles, shown, camera, bands, drawn)
             spherical.draw_bands(
-                screen, mesh.triangles, camera, target.columns, target.rows, self._band_rows, self._counts, lists,
-                number, margin, disparity, winner,
-            )  # fmt: skip
+                screen, mesh.triangles, camera, target.directions, bands, number, margin, buffer
+            )
             return int(drawn.sum())
-        kernels.sort(
-            screen, mesh.triangles, starts, visible, shares, camera, near, self._band_rows, tiles, open_tiles,
-            nearer, self._counts, lists, drawn,
-        )  # fmt: skip
-        kernels.draw(
-            screen, mesh.triangles, camera, near, self._band_rows, self._counts, lists, number, margin,
-            disparity, winner,
-        )  # fmt: skip
+        regions = Regions(tiles, open_tiles, nearer)
+        kernels.sort(screen, mesh.triangles, shown, camera, near, regions, bands, drawn)
+        kernels.draw(screen, mesh.triangles, camera, near, bands, number, margin, buffer)
         return int(drawn.sum())
 
     def _room(self, name: str, size: int) -> npt.NDArray[Any]:

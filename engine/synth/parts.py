@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.synth.patterns import MATERIAL_SIZE
-from ..kernels.synth.trace import BOX, CAPSULE, CYLINDER, ELLIPSOID, PART_SIZE
+from ..kernels.synth.solids import BOX, CAPSULE, CYLINDER, ELLIPSOID, GROUP_SIZE, PART_SIZE, Solids
 from ..support.array_types import F64
 
 __all__ = ["Group", "Palette", "Part", "box", "capsule", "cylinder", "ellipsoid", "pack", "placed", "turn"]
@@ -18,7 +18,7 @@ Vector = Sequence[float] | F64
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One solid: its kind (`kernels.synth.trace`), material, pose (metres, world from part) and half sizes."""
+    """One solid: its kind (`kernels.synth.solids`), material, pose (metres, world from part) and half sizes."""
 
     kind: int
     material: int
@@ -117,10 +117,10 @@ def placed(group: Iterable[Part], position: Vector, yaw: float = 0.0) -> Group:
     ]
 
 
-def pack(groups: Sequence[Group]) -> tuple[F64, F64]:  # [n, PART_SIZE], [m, 6]
+def pack(groups: Sequence[Group]) -> Solids:
     """Parts and bounding spheres of groups as the ray tracer reads them."""
     parts = [part.row() for group in groups for part in group]
-    spheres, start = np.zeros((len(groups), 6)), 0
+    spheres, start = np.zeros((len(groups), GROUP_SIZE)), 0
     for sphere, group in zip(spheres, groups, strict=True):
         centres, radii = np.array([p.centre for p in group]), np.array([p.radius() for p in group])
         low, high = (centres - radii[:, None]).min(0), (centres + radii[:, None]).max(0)
@@ -128,7 +128,7 @@ def pack(groups: Sequence[Group]) -> tuple[F64, F64]:  # [n, PART_SIZE], [m, 6]
         radius = float((np.linalg.norm(centres - middle, axis=1) + radii).max()) * (1 + 1e-9)
         sphere[:] = *middle, radius, start, start + len(group)
         start += len(group)
-    return np.array(parts, np.float64).reshape(-1, PART_SIZE), spheres
+    return Solids(np.array(parts, np.float64).reshape(-1, PART_SIZE), spheres)
 
 
 def _solid(

@@ -10,15 +10,14 @@ from functools import cached_property
 import numpy as np
 
 from ..kernels.synth import patterns as p
+from ..kernels.synth.solids import END, FIRST, Solids
 from ..support.array_types import F64
 from .furniture import armchair, bench, bookcase, column, picture, plant, room, statue, table, vase
 from .outdoors import car, driver, house, lamp_post, tree
 from .parts import Group, Palette, box, capsule, cylinder, ellipsoid, pack, placed, turn
 from .people import Actor, Clothes, Path, ball, carton, frog, stander, walker
 
-__all__ = ["TWINS", "Packed", "Scene", "make_scene"]
-
-Packed = tuple[F64, F64]  # parts and groups, as `kernels.synth.trace` reads them
+__all__ = ["TWINS", "Scene", "make_scene"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,16 +31,16 @@ class Scene:
     actors: Sequence[Actor]
 
     @cached_property
-    def background(self) -> Packed:
+    def background(self) -> Solids:
         """What stands still, packed."""
         return pack(self.static)
 
-    def packed(self, time: float) -> Packed:
+    def packed(self, time: float) -> Solids:
         """Everything at `time` in seconds, packed: the background, then the actors."""
         parts, groups = self.background
         moving_parts, moving_groups = pack([actor(time) for actor in self.actors])
-        moving_groups[:, 4:6] += len(parts)
-        return np.concatenate([parts, moving_parts]), np.concatenate([groups, moving_groups])
+        moving_groups[:, [FIRST, END]] += len(parts)
+        return Solids(np.concatenate([parts, moving_parts]), np.concatenate([groups, moving_groups]))
 
 
 def make_scene(name: str, seed: int = 0) -> Scene:

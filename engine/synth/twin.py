@@ -11,11 +11,12 @@ import numpy as np
 
 from ..io.tmiv import SequenceWriter
 from ..kernels.evaluation.depth_noise import perturb_codes
-from ..kernels.synth.trace import trace_picture
+from ..kernels.synth.solids import Solids
+from ..kernels.synth.trace import SceneArrays, TracedPicture, trace_picture
 from ..rig.camera import Camera
 from ..rig.frame import Frame, Texture, View
 from .rigs import Rig, twin_cameras
-from .scenes import Packed, Scene, make_scene
+from .scenes import Scene, make_scene
 
 __all__ = ["FPS", "Twin", "make_twin", "render_view", "twin_frame", "write_twin"]
 
@@ -37,7 +38,7 @@ class Twin:
     depth_noise: float
     samples: int = 2
     _static: dict[Camera, View] = field(default_factory=dict)
-    _moments: dict[int, Packed] = field(default_factory=dict)  # the latest instant only
+    _moments: dict[int, Solids] = field(default_factory=dict)  # the latest instant only
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -79,7 +80,7 @@ class Twin:
             view = self.truth(camera, index)
         return self._with_errors(view, index) if self.depth_noise else view
 
-    def _packed(self, index: int) -> Packed:
+    def _packed(self, index: int) -> Solids:
         packed = self._moments.get(index)
         if packed is None:
             packed = self.scene.packed(index / FPS)
@@ -161,23 +162,10 @@ def write_twin(
 def _trace(
     scene: Scene,
     view: View,
-    packed: Packed,
+    packed: Solids,
     samples: int,
     first: int,
 ) -> None:
-    parts, groups = packed
-    texture = view.texture
-    trace_picture(
-        view.camera.packed(),
-        view.camera.depth.packed(),
-        parts,
-        groups,
-        first,
-        scene.materials,
-        scene.lamps,
-        samples,
-        texture.y,
-        texture.cb,
-        texture.cr,
-        view.codes,
-    )
+    picture = TracedPicture(view.texture.y, view.texture.cb, view.texture.cr, view.codes)
+    arrays = SceneArrays(*packed, scene.materials, scene.lamps)
+    trace_picture(view.camera.packed(), view.camera.depth.packed(), arrays, first, samples, picture)

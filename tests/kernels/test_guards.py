@@ -251,17 +251,24 @@ INSIDE = {
         "background/captures", "background/culling", "background/hidden", "background/pbi", "background/triangle_filter",
     ),
     "background/standing": ("background/hidden", "background/pbi"),
-    "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangulate"),
+    "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangle_words"),
     "base/sight": ("background/standing", "rendering/backdrop"),
     "base/simd": ("rendering/backdrop", "rendering/blocks", "rendering/shade", "rendering/sorting"),
-    "base/view_table": ("background/exposure", "background/uncovered", "rendering/shade"),
-    "rendering/look": ("rendering/shade",),
+    "base/view_table": ("background/exposure", "background/uncovered", "rendering/winner_colour"),
+    "geometry/rims": ("geometry/triangulate",),
+    "geometry/triangle_words": ("geometry/triangulate",),
+    "rendering/cells": ("rendering/shade",),
+    "rendering/lens": ("rendering/shade",),
+    "rendering/look": ("rendering/cells",),
     "rendering/present": ("rendering/backdrop",),
     "rendering/strips": ("rendering/rasterise", "rendering/sorting"),
+    "rendering/texels": ("rendering/look",),
+    "rendering/winner_colour": ("rendering/shade",),
 }
 ASIDE = {"evaluation/leaks"}  # rays in numbers: in no picture, and they read nothing but what other rays do
 MEMORY = {"lanes", "rays", "simd", "view_table"}  # what reads and writes at addresses
-THROUGH = {"look", "present", "sight", "strips", "standing"}  # what takes addresses from others
+# What takes addresses from others.
+THROUGH = {"cells", "lens", "look", "present", "sight", "strips", "standing", "texels", "winner_colour"}
 
 
 @functools.cache

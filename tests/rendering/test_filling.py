@@ -11,6 +11,7 @@ from farside.clients import bench
 from farside.engine.evaluation.filling import similarity
 from farside.engine.evaluation.metrics import ssim
 from farside.engine.kernels.rendering import structure
+from farside.engine.kernels.rendering.records import Planes
 from farside.engine.rendering.filling import fill, rise_per_pixel
 from farside.engine.rendering.tiles import HoleMap
 from farside.engine.rig.camera import Camera, Perspective, Pose
@@ -152,11 +153,11 @@ def continue_everywhere(disparity, luma, rise, layers):
     disparity, planes = picture(disparity, luma)
     holes = HoleMap.of(disparity)
     places, index = holes.listed(disparity)
-    rims = holes.rims(disparity, index)
+    listed = structure.Holes(places, index, holes.rims(disparity, index))
     depths = np.empty((len(places), 2), np.float32)
-    structure.spread_depths(disparity, places, index, rims, rise, depths)
+    structure.spread_depths(disparity, listed, rise, depths)
     disc, layer = structure.disc_weights(2.5, 2.0), np.zeros(disparity.shape, np.int32)
-    structure.continue_structure(disparity, places, index, rims, depths, layers, *disc, layer, *planes)
+    structure.continue_structure(disparity, listed, depths, layers, disc, layer, Planes(*planes))
     return planes, layer
 
 

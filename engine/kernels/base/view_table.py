@@ -1,35 +1,44 @@
 """Views as kernels read them: a table of what they are, and the addresses of their pictures.
 
-A view table is float64 [n, TABLE_SIZE] (packed camera, then the fields below) beside int64 [n, 5], the addresses
-of its C-contiguous arrays: codes, y, cb, cr (uint16) and, for views that are drawn, where their surface is cut (uint8,
-the flags of `kernels.geometry.triangulate`). Chroma is 4:2:0 or of the size of the luma. The caller keeps the arrays
-alive.
+A view table is float64 [n, TABLE_SIZE] (packed camera, then the fields below) beside int64 [n, PLANE_COUNT], the
+addresses of its C-contiguous arrays: codes, y, cb, cr (uint16) and, for views that are drawn, where their surface is
+cut (uint8, the flags of `kernels.geometry.cuts`). Chroma is 4:2:0 or of the size of the luma. The caller keeps the
+arrays alive.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
+from ...support.array_types import F64, I64
 from ...support.packed import CAMERA_SIZE
 from .tone import TONE_SIZE
 
 __all__ = [
+    "CB",
+    "CODES",
     "COLUMNS",
+    "CR",
+    "CUTS",
     "EDGE",
     "INVALID",
     "OFFSET",
     "PIXEL",
+    "PLANE_COUNT",
     "ROWS",
+    "ROW_OF_ADDRESSES",
     "SHARPNESS",
     "STEP",
     "SUBSAMPLED",
     "TABLE_SIZE",
     "TOLERANCE",
     "TONE",
+    "Views",
+    "Y",
     "load_byte",
     "load_texel",
 ]
@@ -46,6 +55,17 @@ PIXEL = CAMERA_SIZE + 8  # radians a pixel
 SUBSAMPLED = CAMERA_SIZE + 9  # 1 where chroma is 4:2:0, 0 where it has the size of the luma
 TONE = CAMERA_SIZE + 10  # a packed tone: what is done to the view's colours
 TABLE_SIZE = TONE + TONE_SIZE
+
+CODES, Y, CB, CR, CUTS = range(5)  # columns of the addresses
+PLANE_COUNT = 5
+ROW_OF_ADDRESSES = 8 * PLANE_COUNT  # bytes from one view's addresses to the next one's
+
+
+class Views(NamedTuple):
+    """Views as kernels read them."""
+
+    table: F64  # [n, TABLE_SIZE]
+    addresses: I64  # [n, PLANE_COUNT]
 
 
 def _element_of(bits: int) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -26,6 +27,16 @@ _BAND = LANES  # rows
 _RIGHT, _DOWN, _VALID, _KEPT = 0, 1, 2, 3  # words of a row
 
 
+class CutRules(NamedTuple):
+    """What makes a cut, of a view's picture."""
+
+    edge: int  # codes, and `odd` more where the slope beside a step is odd: see `lanes.cuts`
+    odd: int
+    has_invalid: bool  # code 0 is no depth
+    has_keep: bool  # there is a mask
+    wraps: bool  # the last column is the first one's neighbour
+
+
 @serial
 def _pad_row(row: U16, wraps: bool, padded: U16) -> None:
     """A row with its neighbours: one before it and two behind."""
@@ -41,24 +52,24 @@ def _pad_row(row: U16, wraps: bool, padded: U16) -> None:
 
 
 @serial
-def _mark_row(
-    rows: U16, y: int, h: int, w: int, keep: U8, has_keep: bool, has_invalid: bool, edge: int, odd: int,
-    wraps: bool, near: U8, words: I64,
-) -> None:  # fmt: skip
+def _mark_row(rows: U16, y: int, h: int, w: int, keep: U8, rules: CutRules, near: U8, words: I64) -> None:
     """Cuts, validity and mask of row y as words [4, n] of 64 pixels, where `near`; `rows` is a ring of padded rows."""
-    start, pitch = rows.ctypes.data + 2, 2 * rows.shape[1]
-    above, here = start + (max(y - 1, 0) & 3) * pitch, start + (y & 3) * pitch
-    below, below2 = start + (min(y + 1, h - 1) & 3) * pitch, start + (min(y + 2, h - 1) & 3) * pitch
+    edge, odd, has_invalid, has_keep, wraps = rules
+    ring, pitch = rows.ctypes.data + 2, 2 * rows.shape[1]
+    above, here = ring + (max(y - 1, 0) & 3) * pitch, ring + (y & 3) * pitch
+    below, below2 = ring + (min(y + 1, h - 1) & 3) * pitch, ring + (min(y + 2, h - 1) & 3) * pitch
     n = words.shape[1]
     for j in range(n):
         if near[j] == 0:
             continue
-        at = 2 * LANES * j
+        start = 2 * LANES * j
         words[_RIGHT, j] = lanes.cuts(
-            here + at - 2, here + at, here + at + 2, here + at + 4, edge, odd, has_invalid
+            here + start - 2, here + start, here + start + 2, here + start + 4, edge, odd, has_invalid
         )
-        words[_DOWN, j] = lanes.cuts(above + at, here + at, below + at, below2 + at, edge, odd, has_invalid)
-        words[_VALID, j] = lanes.codes_there(here + at) if has_invalid else -1
+        words[_DOWN, j] = lanes.cuts(
+            above + start, here + start, below + start, below2 + start, edge, odd, has_invalid
+        )
+        words[_VALID, j] = lanes.codes_there(here + start) if has_invalid else -1
         words[_KEPT, j] = lanes.bits_of(keep.ctypes.data + LANES * j, 255) if has_keep else -1
     if y == h - 1:
         words[_DOWN] = 0
@@ -102,8 +113,8 @@ def _write_flags(
             broken |= (kept[j] ^ above[_KEPT, j]) | (kept[j] ^ below[_KEPT, j])
             broken |= (kept[j] ^ _before(kept, j, before)) | (kept[j] ^ _behind(kept, j, last, beyond))
         whole = LANES * (j + 1) <= w
-        at = flags.ctypes.data + LANES * j if whole else tail.ctypes.data
-        lanes.bytes_from(right[j], here[_DOWN, j], broken, kept[j], here[_VALID, j], at)
+        target = flags.ctypes.data + LANES * j if whole else tail.ctypes.data
+        lanes.bytes_from(right[j], here[_DOWN, j], broken, kept[j], here[_VALID, j], target)
         if not whole:
             flags[LANES * j :] = tail[: w - LANES * j]
 
@@ -122,7 +133,7 @@ def mark_broken(
     n = (w + LANES - 1) // LANES
     edge = min(edge, 65536.0)  # no step is larger
     whole = min(math.floor(edge), 65535)
-    odd = math.floor(edge + 0.5) - math.floor(edge)
+    rules = CutRules(whole, math.floor(edge + 0.5) - math.floor(edge), has_invalid, has_keep, wraps)
     for band in numba.prange((h + _BAND - 1) // _BAND):
         if not wanted[band].any():
             continue
@@ -133,14 +144,14 @@ def mark_broken(
         rows = np.zeros((4, n * LANES + 4), np.uint16)  # a ring: the rows that one row's cuts depend on
         words = np.zeros((3, 4, n), np.int64)  # a ring, too: what a row's flags depend on
         mask, tail, top = np.zeros(n * LANES, np.uint8), np.empty(LANES, np.uint8), np.zeros((4, n), np.int64)
-        there = max(first - 2, 0)
+        padded = max(first - 2, 0)  # the next row to be
         for y in range(max(first - 1, 0), min(end, h - 1) + 1):
-            while there <= min(y + 2, h - 1):
-                _pad_row(codes[there], wraps, rows[there & 3])
-                there += 1
+            while padded <= min(y + 2, h - 1):
+                _pad_row(codes[padded], wraps, rows[padded & 3])
+                padded += 1
             if has_keep:
                 mask[:w] = keep[y]
-            _mark_row(rows, y, h, w, mask, has_keep, has_invalid, whole, odd, wraps, near, words[y % 3])
+            _mark_row(rows, y, h, w, mask, rules, near, words[y % 3])
             if y == 0:  # beyond the picture nothing is cut, and the mask goes on
                 top[_KEPT] = words[0, _KEPT]
             if y > first:

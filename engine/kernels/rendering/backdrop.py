@@ -7,13 +7,15 @@ from typing import Any
 import numba
 import numpy as np
 
-from ...support.array_types import F32, F64, I64, U8
+from ...support.array_types import F32, F64, I64
 from ..base.jit import inlined, parallel, serial
 from ..base.project import unproject_point
 from ..base.sight import looks_through
 from ..base.simd import LANES, any_of, load
 from ..base.tolerance import Delta, delta_at
+from ..base.view_table import CODES, Views
 from .present import present_depth
+from .records import DepthBuffer
 
 __all__ = ["lay_backdrop"]
 
@@ -24,14 +26,14 @@ _NEARER = 0.03
 
 @inlined
 def _present(
-    table: F64, addresses: I64, order: I64, camera: F64, x: int, y: int, depth: float, limit: float
+    views: Views, order: I64, camera: F64, x: int, y: int, depth: float, limit: float
 ) -> tuple[float, int]:
     """Depth and view of the first view in `order` that has a surface on a pixel's ray, no farther than `limit`.
 
     The first, not the nearest of all: it stands nearest to the eye, and the others would have to be asked as well.
     """
     for k in order:
-        found = present_depth(table[k], addresses[k, 0], camera, x, y, depth)
+        found = present_depth(views.table[k], views.addresses[k, CODES], camera, x, y, depth)
         if found > 0.0 and found <= limit:
             return found, k
     return 0.0, -1
@@ -68,21 +70,21 @@ def _first_to_ask(backdrop: F32, disparity: F32, delta: Delta, x: int) -> int:
 
 @serial
 def _lay_pixel(
-    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, delta: Delta, number: int,
-    disparity: F32, winner: U8, y: int, x: int,
-) -> None:  # fmt: skip
+    backdrop: F32, camera: F64, views: Views, order: I64, delta: Delta, number: int, buffer: DepthBuffer, y: int, x: int
+) -> None:
+    disparity, winner = buffer
     q, live = backdrop[y, x], disparity[y, x]
     px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / q)
     # What was drawn gives way to nothing that a view's outline leaves in doubt: a view's own picture stays.
     ghost, texels = False, 4 if live <= 0.0 else 1
-    for k in range(table.shape[0]):
-        if looks_through(table[k], addresses[k, 0], px, py, pz, delta, texels):
+    for k in range(views.table.shape[0]):
+        if looks_through(views.table[k], views.addresses[k, CODES], px, py, pz, delta, texels):
             ghost = True
             break
     if len(order) > 0:
         around = delta_at(delta, 1.0 / q)
         limit = np.inf if ghost and live <= 0.0 else 1.0 / q + around
-        depth, view = _present(table, addresses, order, camera, x, y, 1.0 / q, limit)
+        depth, view = _present(views, order, camera, x, y, 1.0 / q, limit)
         if live > 0.0:
             ghost |= view < 0 or depth < 1.0 / q - around
         elif view >= 0:
@@ -96,19 +98,19 @@ def _lay_pixel(
 
 @parallel
 def lay_backdrop(
-    backdrop: F32, camera: F64, table: F64, addresses: I64, order: I64, push: Delta, delta: Delta, number: int,
-    disparity: F32, winner: U8,
-) -> None:  # fmt: skip
+    backdrop: F32, camera: F64, views: Views, order: I64, push: Delta, delta: Delta, number: int, buffer: DepthBuffer
+) -> None:
     """Move the backdrop away by `push`, and take its disparity, as view `number`, where nothing was drawn or where it
     is clearly nearer.
 
-    Not taken is what is a ghost of the past: a surface through which one of the table's (present) views looks, beside
+    Not taken is what is a ghost of the past: a surface through which one of the present views looks, beside
     whose outline even, if it would hide something.
     `order` [n]: rows of the views that were not drawn, the most useful first. What stands before the background now,
     they alone may know: where one has a surface on a hole's ray that is not behind the backdrop's (or anywhere on it,
     if that is a ghost), the hole shows it, as view `number` + 1 + the view's row. And where there are such views, only
     a backdrop that one of them confirms hides what was drawn.
     """
+    disparity = buffer.disparity
     h, w = disparity.shape
     for row in numba.prange(h):
         y = np.int64(row)
@@ -117,7 +119,5 @@ def lay_backdrop(
         while x < w:
             for column in range(x, min(x + LANES, w)):
                 if _may_show(np.float64(backdrop[y, column]), np.float64(disparity[y, column]), delta):
-                    _lay_pixel(
-                        backdrop, camera, table, addresses, order, delta, number, disparity, winner, y, column
-                    )
+                    _lay_pixel(backdrop, camera, views, order, delta, number, buffer, y, column)
             x = _first_to_ask(backdrop[y], disparity[y], delta, x + LANES)

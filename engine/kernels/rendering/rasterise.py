@@ -13,12 +13,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...support.array_types import F32, F64, I32, I64, U8
+from ...support.array_types import F32, F64, I32
 from ...support.packed import CX, CY
 from ..base.jit import parallel, serial
 from ..base.simd import LANES
+from .records import Bands, DepthBuffer, Rows
 from .sorting import winding
-from .strips import CLIPPED, SET_UP_SIZE, draw_triangle, row_count, set_up
+from .strips import CLIPPED, SET_UP_SIZE, draw_triangle, prepared, row_count, set_up
 
 __all__ = ["draw_bands", "draw_bands_serially"]
 
@@ -49,66 +50,62 @@ def _clip(screen: F32, corners: I32, camera: F64, near: float, polygon: F32) -> 
 
 @serial
 def _draw_clipped(
-    screen: F32, triangle: I32, camera: F64, near: float, first: int, last: int,
-    view: int, margin: float, disparity: F32, winner: U8,
-) -> None:  # fmt: skip
+    screen: F32, triangle: I32, camera: F64, near: float, rows: Rows, view: int, margin: float, buffer: DepthBuffer
+) -> None:
     """Draw the one or two triangles that are left of one that crosses the plane of the eye."""
+    disparity, winner = buffer
     polygon, ready = np.empty((4, 4), np.float32), np.empty(SET_UP_SIZE, np.float32)
     fan, both = np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.array([0, 1], np.int32)
     h, w = disparity.shape
     count = max(_clip(screen, triangle, camera, near, polygon) - 2, 0)
     set_up(
-        polygon.ctypes.data, fan.ctypes.data, both.ctypes.data, count, winding(camera), np.float32(0.0), first, last,
-        w, h, ready.ctypes.data,
+        polygon.ctypes.data, fan.ctypes.data, both.ctypes.data, count, winding(camera), np.float32(0.0), rows, (w, h),
+        ready.ctypes.data,
     )  # fmt: skip
     for lane in range(count):
-        draw_triangle(ready.ctypes.data, lane, disparity.ctypes.data, winner.ctypes.data, w, margin, view)
+        draw_triangle(
+            prepared(ready.ctypes.data, lane), disparity.ctypes.data, winner.ctypes.data, w, margin, view
+        )
 
 
 @serial
 def _draw_listed(
-    screen: F32, triangles: I32, listed: I32, count: int, camera: F64, near: float, first: int, last: int,
-    view: int, margin: float, disparity: F32, winner: U8, ready: F32,
+    screen: F32, triangles: I32, listed: I32, camera: F64, near: float, rows: Rows, view: int, margin: float,
+    buffer: DepthBuffer, ready: F32,
 ) -> None:  # fmt: skip
-    """Draw the first `count` listed triangles into rows first to last; ready [SET_UP_SIZE] is room."""
+    """Draw listed triangles into some rows; ready [SET_UP_SIZE] is room."""
+    disparity, winner = buffer
     h, w = disparity.shape
-    second, at = winding(camera), listed.ctypes.data
+    count, second, numbers = listed.shape[0], winding(camera), listed.ctypes.data
     near_, margin_ = np.float32(near), np.float32(margin)
     for k in range(0, count, LANES):
         n = min(LANES, count - k)
         set_up(
-            screen.ctypes.data, triangles.ctypes.data, at + 4 * k, n, second, near_, first, last, w, h,
+            screen.ctypes.data, triangles.ctypes.data, numbers + 4 * k, n, second, near_, rows, (w, h),
             ready.ctypes.data,
         )  # fmt: skip
         for lane in range(n):
-            if row_count(ready.ctypes.data, lane) == CLIPPED:
-                triangle = triangles[listed[k + lane]]
-                _draw_clipped(
-                    screen, triangle, camera, near, first, last, view, margin_, disparity, winner
-                )
+            triangle = prepared(ready.ctypes.data, lane)
+            if row_count(triangle) == CLIPPED:
+                _draw_clipped(screen, triangles[listed[k + lane]], camera, near, rows, view, margin_, buffer)
             else:
-                draw_triangle(
-                    ready.ctypes.data, lane, disparity.ctypes.data, winner.ctypes.data, w, margin_, view
-                )
+                draw_triangle(triangle, disparity.ctypes.data, winner.ctypes.data, w, margin_, view)
 
 
 def _draw_bands(
-    screen: F32, triangles: I32, camera: F64, near: float, band_rows: int, counts: I64, lists: I32, view: int,
-    margin: float, disparity: F32, winner: U8,
-) -> None:  # fmt: skip
+    screen: F32, triangles: I32, camera: F64, near: float, bands: Bands, view: int, margin: float, buffer: DepthBuffer
+) -> None:
     """Draw sorted triangles; `margin` is the disparity by which a drawn surface must be beaten."""
-    bands, height = counts.shape[1], disparity.shape[0]
-    for task in numba.prange(bands):
+    count, height = bands.counts.shape[1], buffer.disparity.shape[0]
+    for task in numba.prange(count):
         # Neighbouring tasks go to one thread: deal the bands out so that each gets some of every region.
-        half = (bands + 1) // 2
+        half = (count + 1) // 2
         band = 2 * task if task < half else 2 * (task - half) + 1
-        first, last = band * band_rows, min((band + 1) * band_rows, height) - 1
+        rows = (band * bands.rows, min((band + 1) * bands.rows, height) - 1)
         ready = np.empty(SET_UP_SIZE, np.float32)
-        for chunk in range(counts.shape[0]):
-            _draw_listed(
-                screen, triangles, lists[chunk, band], counts[chunk, band], camera, near, first, last,
-                view, margin, disparity, winner, ready,
-            )  # fmt: skip
+        for chunk in range(bands.counts.shape[0]):
+            listed = bands.lists[chunk, band, : bands.counts[chunk, band]]
+            _draw_listed(screen, triangles, listed, camera, near, rows, view, margin, buffer, ready)
 
 
 # One thread is quicker where there is little to draw.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...support.array_types import F32, F64, I32, I64, U8
+from ...support.array_types import F32, F64, I32, I64
 from ...support.packed import FX, FY, HEIGHT, WIDTH
 from ..base.jit import inlined, parallel, serial
 from ..base.simd import (
@@ -23,6 +23,7 @@ from ..base.simd import (
     store_packed,
     to_integers,
 )
+from .records import Bands, Regions, VisibleBlocks
 from .strips import Corners, corners, extent, on_screen
 from .tiles import HOLE, SILHOUETTE, TILE
 
@@ -73,10 +74,11 @@ def _may_win(
 
 @serial
 def _look_at(
-    screen: int, triangles: int, number: Integers, among: Truths, second: int, width: int, height: int, near: float,
-    tiles: U8, open_tiles: U8, nearer: U8,
+    screen: int, triangles: int, number: Integers, among: Truths, second: int, size: tuple[int, int], near: float,
+    regions: Regions,
 ) -> tuple[Truths, Floats, Floats]:  # fmt: skip
     """Of sixteen triangles: whether they are to be drawn, and the first and last row that they may touch."""
+    (width, height), (tiles, open_tiles, nearer) = size, regions
     points = corners(triangles, number, second, among)
     xa, xb, xc = on_screen(screen, points, 3, among)
     before = among & (minimum(xa, minimum(xb, xc)) >= np.float32(near))
@@ -101,23 +103,20 @@ def _look_at(
 
 
 def _sort_into_bands(
-    screen: F32, triangles: I32, starts: I64, visible: I64, shares: I64, camera: F64, near: float, band_rows: int,
-    tiles: U8, open_tiles: U8, nearer: U8, counts: I64, lists: I32, drawn: I64,
+    screen: F32, triangles: I32, blocks: VisibleBlocks, camera: F64, near: float, regions: Regions, bands: Bands,
+    drawn: I64,
 ) -> None:  # fmt: skip
-    """Sort visible blocks' triangles into bands; counts [chunks, bands], lists [chunks, bands, capacity].
-
-    Chunk c takes the visible blocks shares[c] to shares[c + 1] - 1 and counts its triangles in drawn[c].
+    """Sort visible blocks' triangles into bands; chunk c counts its triangles in drawn[c].
 
     Culled are triangles outside the picture or between pixels, behind the eye or seen from behind, those that touch no
-    marked tile unless `tiles` is empty, and, unless `open_tiles` (`tiles.mark_open_tiles`) is, those that cannot win a
-    pixel; `nearer` is what `blocks.place_points` gives. Behind the last tile and the last point three bytes more can be
-    read. A triangle over several bands stands in each.
+    marked tile, and, unless `regions.open_tiles` is empty, those that cannot win a pixel.
     """
-    chunks, bands = counts.shape[0], counts.shape[1]
-    width, height, second = int(camera[WIDTH]), int(camera[HEIGHT]), winding(camera)
-    for chunk in numba.prange(chunks):
+    starts, visible, shares = blocks
+    band_rows, counts, lists = bands
+    size, second = (int(camera[WIDTH]), int(camera[HEIGHT])), winding(camera)
+    for chunk in numba.prange(counts.shape[0]):
         drawn[chunk] = 0
-        for band in range(bands):
+        for band in range(counts.shape[1]):
             counts[chunk, band] = 0
         found = np.empty((3, LANES), np.int32)
         for k in range(shares[chunk], shares[chunk + 1]):
@@ -126,9 +125,8 @@ def _sort_into_bands(
                 among = lane_numbers() < np.float32(starts[block + 1, 1] - t)
                 number = to_integers(lane_numbers()) + t
                 shows, first, last = _look_at(
-                    screen.ctypes.data, triangles.ctypes.data, number, among, second, width, height, near,
-                    tiles, open_tiles, nearer,
-                )  # fmt: skip
+                    screen.ctypes.data, triangles.ctypes.data, number, among, second, size, near, regions
+                )
                 n = store_packed(found.ctypes.data, number, shows)
                 store_packed(found.ctypes.data + 4 * LANES, to_integers(first), shows)
                 store_packed(found.ctypes.data + 8 * LANES, to_integers(last), shows)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 
-from ...support.array_types import F32, F64, I32, I64, U8
+from ...support.array_types import F32, F64, I32, I64
 from ...support.packed import HEIGHT, PHI_MAX, RADIANS_A_COLUMN, RADIANS_A_ROW, THETA_MAX
 from ..base.jit import inlined, parallel, serial
+from .records import Bands, DepthBuffer, Rows, VisibleBlocks
 from .strips import SIDE_PX
 
-__all__ = ["azimuths", "draw_bands", "elevations", "sort_into_bands"]
+__all__ = ["Directions", "azimuths", "draw_bands", "elevations", "sort_into_bands"]
 
 Direction = tuple[float, float, float]
 
@@ -95,13 +97,20 @@ def _side(p: Direction, r: Direction, camera: F64) -> tuple[float, float, float,
     return x, y, z, -SIDE_PX * camera[RADIANS_A_ROW] * math.sqrt(x * x + y * y + z * z)
 
 
+class Directions(NamedTuple):
+    """Cosines and sines of a picture's azimuths [w, 2] and elevations [h, 2]."""
+
+    columns: F32
+    rows: F32
+
+
 @serial
 def _draw_triangle(
-    a: Direction, b: Direction, c: Direction, camera: F64, columns: F32, rows: F32, first: int, last: int,
-    view: int, margin: float, disparity: F32, winner: U8,
+    a: Direction, b: Direction, c: Direction, camera: F64, directions: Directions, limits: Rows, view: int,
+    margin: float, buffer: DepthBuffer,
 ) -> None:  # fmt: skip
-    """Draw rows first to last on the sphere: a pixel is inside where its direction is on the inner side of three
-    planes."""
+    """Draw some rows on the sphere: a pixel is inside where its direction is on the inner side of three planes."""
+    (columns, rows), (first, last), (disparity, winner) = directions, limits, buffer
     width = disparity.shape[1]
     top, bottom = _rows(a, b, c, camera)
     ab, bc, ca = _side(a, b, camera), _side(b, c, camera), _side(c, a, camera)
@@ -136,14 +145,14 @@ def _draw_triangle(
 
 @parallel
 def sort_into_bands(
-    screen: F32, triangles: I32, starts: I64, visible: I64, shares: I64, camera: F64, band_rows: int,
-    counts: I64, lists: I32, drawn: I64,
-) -> None:  # fmt: skip
+    screen: F32, triangles: I32, blocks: VisibleBlocks, camera: F64, bands: Bands, drawn: I64
+) -> None:
     """As `sorting.sort_into_bands`; culled are triangles outside the picture or seen from behind."""
-    chunks, bands = counts.shape[0], counts.shape[1]
-    for chunk in numba.prange(chunks):
+    starts, visible, shares = blocks
+    band_rows, counts, lists = bands
+    for chunk in numba.prange(counts.shape[0]):
         drawn[chunk] = 0
-        for band in range(bands):
+        for band in range(counts.shape[1]):
             counts[chunk, band] = 0
         for k in range(shares[chunk], shares[chunk + 1]):
             block = visible[k]
@@ -158,18 +167,17 @@ def sort_into_bands(
 
 @parallel
 def draw_bands(
-    screen: F32, triangles: I32, camera: F64, columns: F32, rows: F32, band_rows: int, counts: I64, lists: I32,
-    view: int, margin: float, disparity: F32, winner: U8,
+    screen: F32, triangles: I32, camera: F64, directions: Directions, bands: Bands, view: int, margin: float,
+    buffer: DepthBuffer,
 ) -> None:  # fmt: skip
-    """As `rasterise.draw_bands`; columns [w, 2] and rows [h, 2] are the cosines and sines of the picture's azimuths and
-    elevations."""
-    bands, height = counts.shape[1], disparity.shape[0]
-    for band in numba.prange(bands):
-        first, last = band * band_rows, min((band + 1) * band_rows, height) - 1
-        for chunk in range(counts.shape[0]):
-            for k in range(counts[chunk, band]):
-                a, b, c = triangles[lists[chunk, band, k]]
+    """As `rasterise.draw_bands`."""
+    height = buffer.disparity.shape[0]
+    for band in numba.prange(bands.counts.shape[1]):
+        limits = (band * bands.rows, min((band + 1) * bands.rows, height) - 1)
+        for chunk in range(bands.counts.shape[0]):
+            for k in range(bands.counts[chunk, band]):
+                a, b, c = triangles[bands.lists[chunk, band, k]]
                 _draw_triangle(
-                    _direction(screen, a), _direction(screen, b), _direction(screen, c), camera, columns, rows,
-                    first, last, view, margin, disparity, winner,
+                    _direction(screen, a), _direction(screen, b), _direction(screen, c), camera, directions, limits,
+                    view, margin, buffer,
                 )  # fmt: skip

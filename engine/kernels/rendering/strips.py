@@ -37,6 +37,7 @@ from ..base.simd import (
     store_where,
     to_integers,
 )
+from .records import Rows
 
 __all__ = [
     "CLIPPED",
@@ -47,6 +48,7 @@ __all__ = [
     "draw_triangle",
     "extent",
     "on_screen",
+    "prepared",
     "row_count",
     "set_up",
 ]
@@ -66,9 +68,9 @@ Corners = tuple[Integers, Integers, Integers]
 def corners(triangles: int, number: Integers, second: int, among: Truths) -> Corners:
     """Points of triangles of these numbers; int32 [n, 3] at that address. `second` is 2 where they wind the other way,
     1 otherwise."""
-    at = number * 3
-    b, c = gather_integers(triangles, at + second, among), gather_integers(triangles, at + (3 - second), among)
-    return gather_integers(triangles, at, among), b, c
+    first = number * 3
+    b, c = gather_integers(triangles, first + second, among), gather_integers(triangles, first + (3 - second), among)
+    return gather_integers(triangles, first, among), b, c
 
 
 @inlined_late
@@ -108,14 +110,15 @@ def _put_side(out: int, side: int, rise: Floats, run: Floats, across: Floats, do
 
 @serial
 def set_up(
-    screen: int, triangles: int, listed: int, count: int, second: int, near: float, first: int, last: int,
-    width: int, height: int, out: int,
+    screen: int, triangles: int, listed: int, count: int, second: int, near: float, rows: Rows, size: tuple[int, int],
+    out: int,
 ) -> None:  # fmt: skip
     """Prepare up to sixteen triangles, the first `count` of the numbers (int32) at `listed`, for `draw_triangle`.
 
     Addresses: screen [n, 4] as `blocks.place_points` has it; triangles int32 [m, 3], see `corners`; out float32
-    [SET_UP_SIZE]. Only rows first to last of a picture of so many columns and rows are drawn.
+    [SET_UP_SIZE]. Only these rows of a picture of a size (columns, rows) are drawn.
     """
+    (first, last), (width, height) = rows, size
     among = lane_numbers() < np.float32(count)
     points = corners(triangles, gather_integers(listed, to_integers(lane_numbers()), among), second, among)
     ua, ub, uc = on_screen(screen, points, 0, among)
@@ -129,11 +132,11 @@ def set_up(
     left, right = extent(ua, ub, uc, width)
     top, bottom = extent(va, vb, vc, height)
     top, bottom = maximum(top, np.float32(first)), minimum(bottom, np.float32(last))
-    rows = select(area < 0.0, bottom - top + 1.0, 0.0)
+    count_of_rows = select(area < 0.0, bottom - top + 1.0, 0.0)
     _put(out, _COLUMN, left)
     _put(out, _ROW, top)
     _put(out, _COLUMNS, right - left + 1.0)
-    _put(out, _ROWS, select(behind, spread(CLIPPED), rows))
+    _put(out, _ROWS, select(behind, spread(CLIPPED), count_of_rows))
     u, v = left + 0.5, top + 0.5
     _put_side(out, 0, rise_a, run_a, u - ua, v - va)
     _put_side(out, 1, rise_b, run_b, u - ub, v - vb)
@@ -154,61 +157,67 @@ def set_up(
 
 
 @inlined_late
-def _get(ready: int, lane: int, field: int) -> float:
-    return load_float(ready, field * LANES + lane)
+def prepared(ready: int, lane: int) -> int:
+    """The address of one of the triangles that `set_up` prepared at another."""
+    return ready + 4 * lane
 
 
 @inlined_late
-def row_count(ready: int, lane: int) -> int:
-    """Rows of one of the triangles that `set_up` prepared; CLIPPED where it crosses the plane of the eye."""
-    return int(_get(ready, lane, _ROWS))
+def _get(triangle: int, field: int) -> float:
+    return load_float(triangle, field * LANES)
+
+
+@inlined_late
+def row_count(triangle: int) -> int:
+    """Rows of a `prepared` triangle; CLIPPED where it crosses the plane of the eye."""
+    return int(_get(triangle, _ROWS))
 
 
 @inlined_late
 def _draw_strip(
-    disparity: int, winner: int, width: int, column: Floats, within: Truths, whole: bool, rows: int, ready: int,
-    lane: int, margin: float, view: int,
+    disparity: int, winner: int, width: int, column: Floats, within: Truths, whole: bool, rows: int, triangle: int,
+    margin: float, view: int,
 ) -> None:  # fmt: skip
     """Draw rows of a strip from the addresses of its first pixel on, at these columns of the triangle where it is
     `within` them; only a strip that is `whole` has sixteen."""
-    first_a = _get(ready, lane, _SIDES + 1) * column + _get(ready, lane, _SIDES)
-    first_b = _get(ready, lane, _SIDES + 4) * column + _get(ready, lane, _SIDES + 3)
-    first_c = _get(ready, lane, _SIDES + 7) * column + _get(ready, lane, _SIDES + 6)
-    first_q = _get(ready, lane, _PLANE + 1) * column + _get(ready, lane, _PLANE)
-    down_a, down_b = spread(_get(ready, lane, _SIDES + 2)), spread(_get(ready, lane, _SIDES + 5))
-    down_c, down_q = spread(_get(ready, lane, _SIDES + 8)), spread(_get(ready, lane, _PLANE + 2))
-    least, most = spread(_get(ready, lane, _PLANE + 3)), spread(_get(ready, lane, _PLANE + 4))
-    y, at = spread(0.0), 0  # a vector: a number would be spread again for each product
+    first_a = _get(triangle, _SIDES + 1) * column + _get(triangle, _SIDES)
+    first_b = _get(triangle, _SIDES + 4) * column + _get(triangle, _SIDES + 3)
+    first_c = _get(triangle, _SIDES + 7) * column + _get(triangle, _SIDES + 6)
+    first_q = _get(triangle, _PLANE + 1) * column + _get(triangle, _PLANE)
+    down_a, down_b = spread(_get(triangle, _SIDES + 2)), spread(_get(triangle, _SIDES + 5))
+    down_c, down_q = spread(_get(triangle, _SIDES + 8)), spread(_get(triangle, _PLANE + 2))
+    least, most = spread(_get(triangle, _PLANE + 3)), spread(_get(triangle, _PLANE + 4))
+    y, start = spread(0.0), 0  # a vector: a number would be spread again for each product
     for _ in range(rows):
         q = minimum(maximum(down_q * y + first_q, least), most)
         inside = within & (down_a * y + first_a >= 0.0) & (down_b * y + first_b >= 0.0) & (down_c * y + first_c >= 0.0)
-        before = load(disparity, at) if whole else load_where(disparity, at, inside)
+        before = load(disparity, start) if whole else load_where(disparity, start, inside)
         wins = inside & (q > select(before > 0.0, before + margin, 0.0))
         if whole:
-            store_larger(disparity, at, before, select(wins, q, 0.0))
+            store_larger(disparity, start, before, select(wins, q, 0.0))
         else:
-            store_where(disparity, at, q, wins)
-        store_byte_where(winner, at, view, wins)
+            store_where(disparity, start, q, wins)
+        store_byte_where(winner, start, view, wins)
         y += 1.0
-        at += width
+        start += width
 
 
 @serial
 def draw_triangle(
-    ready: int, lane: int, disparity: int, winner: int, width: int, margin: float, view: int
+    triangle: int, disparity: int, winner: int, width: int, margin: float, view: int
 ) -> None:
-    """Draw one of the triangles that `set_up` prepared into a picture `width` columns wide.
+    """Draw a `prepared` triangle into a picture `width` columns wide.
 
     disparity, winner: addresses of C-contiguous [h, w] arrays: of disparity (float32, 0 where nothing was drawn) and of
     the number of the view that won (uint8). What was drawn must be beaten by `margin`.
     """
-    x0, y, rows = int(_get(ready, lane, _COLUMN)), int(_get(ready, lane, _ROW)), row_count(ready, lane)
-    columns = _get(ready, lane, _COLUMNS)
+    x0, y, rows = int(_get(triangle, _COLUMN)), int(_get(triangle, _ROW)), row_count(triangle)
+    columns = _get(triangle, _COLUMNS)
     for x in range(x0 & ~(LANES - 1), x0 + int(columns), LANES):
         column = lane_numbers() + np.float32(x - x0)
         within = (column >= 0.0) & (column < np.float32(columns))
-        at = y * width + x
+        first = y * width + x
         _draw_strip(
-            disparity + 4 * at, winner + at, width, column, within, x + LANES <= width, rows, ready, lane,
+            disparity + 4 * first, winner + first, width, column, within, x + LANES <= width, rows, triangle,
             margin, view,
         )  # fmt: skip

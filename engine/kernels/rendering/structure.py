@@ -5,22 +5,32 @@ surface and of what is already coloured within a small disc, mostly of what lies
 picture's structure runs; the direction is measured at the rim and handed on inwards. Nearer surfaces never
 contribute. A layer reads only the layers before it, so the result does not depend on any order within it.
 
-Holes are listed: places int32 [n, 2] are their rows and columns in reading order, and index int32 [h, w] has each
-one's number in that list (anything where something was drawn); rims int32 [m] are the numbers of those that touch a
-pixel with something drawn to it. depths float32 [n, 2] are disparities: of the farthest surface that may go on at a
-hole pixel, and of the nearest that may hide it.
+depths float32 [n, 2] are disparities: of the farthest surface that may go on at a hole pixel, and of the nearest that
+may hide it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from ...support.array_types import F32, I32
 from ..base.jit import inlined, serial
+from .records import Planes
 
-__all__ = ["ANGLES", "LEVELS", "SAME", "WINDOW", "continue_structure", "disc_weights", "spread_depths"]
+__all__ = [
+    "ANGLES",
+    "LEVELS",
+    "SAME",
+    "WINDOW",
+    "Disc",
+    "Holes",
+    "continue_structure",
+    "disc_weights",
+    "spread_depths",
+]
 
 
 ANGLES = 32  # directions, over half a turn, that structure may run in
@@ -31,8 +41,23 @@ MIXED = 1e-6  # weight, of 1, of a pixel whose colour may be mixed with that of 
 _SWEEPS = 16  # at most, of both directions; two do for holes without many turns
 
 
-def disc_weights(radius: float, sharpness: float) -> tuple[I32, F32]:
-    """Offsets [n, 2] (row, column) of a disc, and their weights [ANGLES * LEVELS, n].
+class Holes(NamedTuple):
+    """The pixels of a picture that nothing was drawn to, in a list."""
+
+    places: I32  # [n, 2]: their rows and columns in reading order
+    numbers: I32  # [h, w]: each one's number in that list; anything where something was drawn
+    rims: I32  # [m]: numbers of those that touch a pixel with something drawn to it
+
+
+class Disc(NamedTuple):
+    """Where a hole pixel's colour comes from, and with which weight: see `disc_weights`."""
+
+    offsets: I32  # [n, 2]: rows and columns
+    weights: F32  # [ANGLES * LEVELS, n]
+
+
+def disc_weights(radius: float, sharpness: float) -> Disc:
+    """Offsets of a disc, and their weights.
 
     Row a * LEVELS + s of the weights: where structure runs at the angle a * pi / ANGLES, from right over down, as
     surely as s / (LEVELS - 1). `sharpness`: 1 / pixels by which weights fall off across the direction.
@@ -48,16 +73,18 @@ def disc_weights(radius: float, sharpness: float) -> tuple[I32, F32]:
     # A little of everything, so that there is always something to take.
     along = np.exp(-0.5 * (sharpness * across) ** 2) + 1e-4
     weights = (sureness * along + (1.0 - sureness)) / distance
-    return np.stack([rows, columns], axis=-1).astype(np.int32), weights.reshape(-1, len(rows)).astype(np.float32)
+    offsets = np.stack([rows, columns], axis=-1).astype(np.int32)
+    return Disc(offsets, weights.reshape(-1, len(rows)).astype(np.float32))
 
 
 @serial
-def spread_depths(disparity: F32, places: I32, index: I32, rims: I32, rise: float, depths: F32) -> None:
+def spread_depths(disparity: F32, holes: Holes, rise: float, depths: F32) -> None:
     """Write depths from the holes' rims: `rise` is how much disparity may differ between what goes on at a hole and
     what hides it, for each pixel that they are apart.
 
     The holes' own disparity becomes the negative of the farthest, or minus infinity where nothing nearer hides it.
     """
+    places, index, rims = holes
     h, w = disparity.shape
     depths[:, 0], depths[:, 1] = np.inf, -np.inf
     for n in rims:
@@ -107,10 +134,9 @@ def _goes_on(disparity: F32, y: int, x: int, limit: float) -> bool:
 
 
 @serial
-def _sort_into_layers(
-    disparity: F32, places: I32, index: I32, rims: I32, depths: F32, layers: int, layer: I32, order: I32
-) -> int:
+def _sort_into_layers(disparity: F32, holes: Holes, depths: F32, layers: int, layer: I32, order: I32) -> int:
     """layer [h, w], all 0: from 1 on in holes up to the last one; order [n]: holes by layer. Returns how many."""
+    places, index, rims = holes
     h, w = disparity.shape
     start, count = 0, 0
     for n in rims:
@@ -156,13 +182,13 @@ def _measure(disparity: F32, luma: F32, y: int, x: int, limit: float, tensor: F3
 
 
 @serial
-def _hand_on(disparity: F32, index: I32, layer: I32, y: int, x: int, own: int, tensors: F32, tensor: F32) -> None:
+def _hand_on(disparity: F32, index: I32, layer: I32, y: int, x: int, number: int, tensors: F32, tensor: F32) -> None:
     """tensor [3]: the mean of those of the neighbours in earlier layers."""
     h, w = disparity.shape
     count = 0
     for v in range(max(y - 1, 0), min(y + 2, h)):
         for u in range(max(x - 1, 0), min(x + 2, w)):
-            if disparity[v, u] <= 0.0 and 0 < layer[v, u] < own:
+            if disparity[v, u] <= 0.0 and 0 < layer[v, u] < number:
                 count += 1
                 for k in range(3):
                     tensor[k] += tensors[index[v, u], k]
@@ -192,44 +218,53 @@ def _at_a_hole(disparity: F32, y: int, x: int) -> bool:
 
 
 @serial
-def continue_structure(
-    disparity: F32, places: I32, index: I32, rims: I32, depths: F32, layers: int, offsets: I32, weights: F32,
-    layer: I32, luma: F32, chroma_b: F32, chroma_r: F32,
-) -> None:  # fmt: skip
-    """Colour the holes in the first `layers` layers; layer [h, w], given as all 0, then says which.
+def _colour(
+    disparity: F32, layer: I32, y: int, x: int, limit: float, hidden: bool, disc: Disc, row: int, planes: Planes
+) -> None:
+    """Colour a hole pixel from what goes on within a disc round it, by a row of its weights.
 
-    `offsets` and `weights` are those of `disc_weights`.
+    limit: the disparity up to which surfaces go on there; hidden: by something nearer, whose colour the rim may have.
     """
+    offsets, weights = disc
+    luma, chroma_b, chroma_r = planes
     h, w = disparity.shape
+    number = layer[y, x]
+    total, sum_y, sum_b, sum_r = 0.0, 0.0, 0.0, 0.0
+    for k in range(offsets.shape[0]):
+        v, u = y + offsets[k, 0], x + offsets[k, 1]
+        if v < 0 or u < 0 or v >= h or u >= w:
+            continue
+        share = weights[row, k]
+        q = disparity[v, u]
+        if q <= 0.0:
+            share = share if 0 < layer[v, u] < number else 0.0
+        elif q > limit:
+            share = 0.0
+        elif hidden and _at_a_hole(disparity, v, u):
+            share *= MIXED
+        if share > 0.0:
+            total += share
+            sum_y += share * luma[v, u]
+            sum_b += share * chroma_b[v, u]
+            sum_r += share * chroma_r[v, u]
+    luma[y, x], chroma_b[y, x], chroma_r[y, x] = sum_y / total, sum_b / total, sum_r / total
+
+
+@serial
+def continue_structure(
+    disparity: F32, holes: Holes, depths: F32, layers: int, disc: Disc, layer: I32, planes: Planes
+) -> None:
+    """Colour the holes in the first `layers` layers; layer [h, w], given as all 0, then says which."""
+    places, index = holes.places, holes.numbers
     order = np.empty(places.shape[0], np.int32)
     tensors = np.zeros((places.shape[0], 3), np.float32)
-    count = _sort_into_layers(disparity, places, index, rims, depths, layers, layer, order)
+    count = _sort_into_layers(disparity, holes, depths, layers, layer, order)
     for m in range(count):
         n = order[m]
         y, x, limit = int(places[n, 0]), int(places[n, 1]), SAME * depths[n, 0]
-        own = layer[y, x]
-        if own == 1:
-            _measure(disparity, luma, y, x, limit, tensors[n])
+        if layer[y, x] == 1:
+            _measure(disparity, planes.luma, y, x, limit, tensors[n])
         else:
-            _hand_on(disparity, index, layer, y, x, own, tensors, tensors[n])
-        row = _row_of_weights(tensors[n])
-        hidden = depths[n, 1] > limit  # by something nearer, whose colour the rim may have
-        total, sum_y, sum_b, sum_r = 0.0, 0.0, 0.0, 0.0
-        for k in range(offsets.shape[0]):
-            v, u = y + offsets[k, 0], x + offsets[k, 1]
-            if v < 0 or u < 0 or v >= h or u >= w:
-                continue
-            share = weights[row, k]
-            q = disparity[v, u]
-            if q <= 0.0:
-                share = share if 0 < layer[v, u] < own else 0.0
-            elif q > limit:
-                share = 0.0
-            elif hidden and _at_a_hole(disparity, v, u):
-                share *= MIXED
-            if share > 0.0:
-                total += share
-                sum_y += share * luma[v, u]
-                sum_b += share * chroma_b[v, u]
-                sum_r += share * chroma_r[v, u]
-        luma[y, x], chroma_b[y, x], chroma_r[y, x] = sum_y / total, sum_b / total, sum_r / total
+            _hand_on(disparity, index, layer, y, x, layer[y, x], tensors, tensors[n])
+        hidden = depths[n, 1] > limit
+        _colour(disparity, layer, y, x, limit, hidden, disc, _row_of_weights(tensors[n]), planes)

@@ -1,0 +1,226 @@
+"""Colours of a cell, 2 x 32 pixels: four vectors of luma (parts), and one of chroma for its blocks of 2 x 2 pixels.
+
+What the views show of a cell (`kernels.rendering.look`) is kept until all have been asked: only then is it known how
+much of a pixel's colour comes from each. Chroma, a quarter of the samples, is fetched by pixels' places in the views,
+or by cubic convolution once for a block that is smooth in a view.
+
+Everything is given by address, as float32 [..., PARTS, LANES].
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..base.jit import inlined_late, serial
+from ..base.simd import (
+    LANES,
+    Floats,
+    any_of,
+    evens,
+    load,
+    load_float,
+    maximum,
+    odds,
+    select,
+    spread,
+    store,
+)
+from ..base.tone import CB_FROM_Y, CB_GAIN, CB_OFFSET, CR_FROM_Y, CR_GAIN, CR_OFFSET, Y_GAIN, Y_OFFSET
+from ..base.view_table import ROW_OF_ADDRESSES
+from .lens import OUTSIDE, TONE_AT, aim, lens_at
+from .look import ROUGH, look
+from .texels import chroma_between, chroma_nearest, is_inside_chroma
+
+__all__ = ["CELL", "FIELDS", "PARTS", "Sources", "colour_cell", "see_cell"]
+
+PARTS = 4
+CELL = 2 * LANES  # columns
+_SHARE, _LUMA, _U, _V, _MANNER, _CODE, _CLEAN, _MIXED = range(8)  # of what a view shows
+FIELDS = 8
+_APART_PX = 3.0  # between a block's pixels in a view, beyond which they have no chroma in common
+
+
+class Sources(NamedTuple):
+    """Views that colour a picture: addresses of their lenses and of their planes' addresses, and how they are asked."""
+
+    lenses: int
+    addresses: int
+    view_count: int
+    blend: int  # views, at most, that contribute to a pixel
+    cubic: bool  # interpolated by cubic convolution where a surface is whole and its colours are rough
+
+
+@inlined_late
+def addresses_of(sources: Sources, k: int) -> int:
+    """The address of the addresses of view k's planes."""
+    return sources.addresses + k * ROW_OF_ADDRESSES
+
+
+@inlined_late
+def _field(seen: int, k: int, part: int, field: int) -> Floats:
+    return load(seen, ((k * FIELDS + field) * PARTS + part) * LANES)
+
+
+@inlined_late
+def _put(seen: int, k: int, part: int, field: int, values: Floats) -> None:
+    store(seen, ((k * FIELDS + field) * PARTS + part) * LANES, values)
+
+
+@inlined_late
+def _by_block(left: Floats, right: Floats) -> Floats:
+    """Sums of two columns each."""
+    return evens(left, right) + odds(left, right)
+
+
+@inlined_late
+def _sum(seen: int, k: int, field: int) -> Floats:
+    """Of each block in view k, a field's sum by the pixels' shares; what has none may be anything, even no number."""
+    total = spread(0.0)
+    for part in range(0, PARTS, 2):
+        left, right = _field(seen, k, part, _SHARE), _field(seen, k, part + 1, _SHARE)
+        of_left = select(left > 0.0, left * _field(seen, k, part, field), 0.0)
+        total += _by_block(of_left, select(right > 0.0, right * _field(seen, k, part + 1, field), 0.0))
+    return total
+
+
+@inlined_late
+def _most(seen: int, k: int, field: int, sign: float) -> Floats:
+    """Of each block in view k, the largest of a field, times a sign, among the pixels that the view sees."""
+    most = spread(-1e9)
+    for part in range(0, PARTS, 2):
+        left, right = sign * _field(seen, k, part, field), sign * _field(seen, k, part + 1, field)
+        left = select(_field(seen, k, part, _SHARE) > 0.0, left, -1e9)
+        right = select(_field(seen, k, part + 1, _SHARE) > 0.0, right, -1e9)
+        most = maximum(most, maximum(evens(left, right), odds(left, right)))
+    return most
+
+
+@serial
+def _chroma_of_pixels(lens: int, addresses: int, seen: int, k: int) -> tuple[Floats, Floats]:
+    """Chroma of each block in view k as the sum over its pixels, each with the sample nearest to it."""
+    sum_b, sum_r = spread(0.0), spread(0.0)
+    for part in range(0, PARTS, 2):
+        left, right = _field(seen, k, part, _SHARE), _field(seen, k, part + 1, _SHARE)
+        a, b = _field(seen, k, part, _U), _field(seen, k, part, _V)
+        left_b, left_r = chroma_nearest(lens, addresses, a, b, left > 0.0)
+        a, b = _field(seen, k, part + 1, _U), _field(seen, k, part + 1, _V)
+        right_b, right_r = chroma_nearest(lens, addresses, a, b, right > 0.0)
+        sum_b += _by_block(left * left_b, right * right_b)
+        sum_r += _by_block(left * left_r, right * right_r)
+    return sum_b, sum_r
+
+
+@serial
+def _colour_blocks(lens: int, addresses: int, cubic: bool, seen: int, k: int, weight: Floats) -> tuple[Floats, Floats]:
+    """Chroma of a cell's blocks in view k, times their weight: that of each pixel or, where the block is smooth in the
+    view but its colours are rough, that of its middle by cubic convolution if the view has all samples for it."""
+    between, b, r = weight < 0.0, spread(0.0), spread(0.0)
+    if cubic:
+        between = _most(seen, k, _MANNER, 1.0) == np.float32(ROUGH)
+        if any_of(between):
+            between &= _most(seen, k, _U, 1.0) + _most(seen, k, _U, -1.0) <= np.float32(_APART_PX)
+            between &= _most(seen, k, _V, 1.0) + _most(seen, k, _V, -1.0) <= np.float32(_APART_PX)
+            # Smooth pixels of a rough block may lie nearer to the border than rough ones, and so may its middle.
+            u, v = _sum(seen, k, _U) / weight, _sum(seen, k, _V) / weight
+            between &= is_inside_chroma(lens, u, v)
+            b, r = chroma_between(lens, addresses, u, v, between)
+            b, r = select(between, b * weight, 0.0), select(between, r * weight, 0.0)
+    if any_of((weight > 0.0) & ~between):
+        near_b, near_r = _chroma_of_pixels(lens, addresses, seen, k)
+        b, r = select(between, b, near_b), select(between, r, near_r)
+    return b, r
+
+
+@serial
+def colour_cell(sources: Sources, n: int, seen: int, inverses: int) -> tuple[Floats, Floats, Floats]:
+    """Chroma of a cell's sixteen blocks: sums of cb and cr over the pixels that the first n views coloured, and their
+    number.
+
+    inverses [PARTS, LANES]: of the sums of the pixels' weights."""
+    count, sum_b, sum_r = spread(0.0), spread(0.0), spread(0.0)
+    for k in range(n):
+        weight = spread(0.0)
+        for part in range(0, PARTS, 2):  # shares of the pixels' colours
+            left = _field(seen, k, part, _SHARE) * load(inverses, part * LANES)
+            right = _field(seen, k, part + 1, _SHARE) * load(inverses, (part + 1) * LANES)
+            _put(seen, k, part, _SHARE, left)
+            _put(seen, k, part + 1, _SHARE, right)
+            weight += _by_block(left, right)
+        if any_of(weight > 0.0):
+            lens = lens_at(sources.lenses, k)
+            b, r = _colour_blocks(lens, addresses_of(sources, k), sources.cubic, seen, k, weight)
+            luma = _sum(seen, k, _LUMA)
+            on_b, on_r = load_float(lens, TONE_AT + CB_FROM_Y), load_float(lens, TONE_AT + CR_FROM_Y)
+            shift_b, shift_r = load_float(lens, TONE_AT + CB_OFFSET), load_float(lens, TONE_AT + CR_OFFSET)
+            sum_b += load_float(lens, TONE_AT + CB_GAIN) * b + on_b * luma + shift_b * weight
+            sum_r += load_float(lens, TONE_AT + CR_GAIN) * r + on_r * luma + shift_r * weight
+            count += weight
+    return sum_b, sum_r, count
+
+
+@serial
+def _aim_cell(lens: int, blends: bool, pixels: int, seen: int, k: int) -> None:
+    """Where view k would see a cell's pixels.
+
+    By itself, as what waits for pictures waits for all: parts do not depend on each other, and the processor works on
+    several at once if they are short."""
+    for part in range(PARTS):
+        q, dx = load(pixels, part * LANES), load(pixels, (PARTS + part) * LANES)
+        dy, dz = load(pixels, (2 * PARTS + part) * LANES), load(pixels, (3 * PARTS + part) * LANES)
+        u, v, code, clean, mixed = aim(lens, q, dx, dy, dz, blends)
+        _put(seen, k, part, _U, u)
+        _put(seen, k, part, _V, v)
+        _put(seen, k, part, _CODE, code)
+        _put(seen, k, part, _CLEAN, clean)
+        _put(seen, k, part, _MIXED, mixed)
+
+
+@serial
+def _look_cell(lens: int, addresses: int, blend: int, cubic: bool, pixels: int, seen: int, k: int, sums: int) -> bool:
+    """Ask view k for the pixels of a cell that are still open; returns whether any are left."""
+    left = spread(0.0)
+    for part in range(PARTS):
+        count = load(sums, part * LANES)
+        wanted = (count < np.float32(blend)) & (load(pixels, part * LANES) > 0.0)
+        u, v, code = _field(seen, k, part, _U), _field(seen, k, part, _V), _field(seen, k, part, _CODE)
+        clean, mixed = _field(seen, k, part, _CLEAN), _field(seen, k, part, _MIXED)
+        share, luma, u, v, manner = look(
+            lens, addresses, wanted & (code > np.float32(OUTSIDE)), u, v, code, clean, mixed, blend > 1, cubic
+        )  # fmt: skip
+        _put(seen, k, part, _SHARE, share)
+        _put(seen, k, part, _LUMA, luma)
+        _put(seen, k, part, _U, u)
+        _put(seen, k, part, _V, v)
+        _put(seen, k, part, _MANNER, manner)
+        count += select(share > 0.0, spread(1.0), 0.0)
+        toned_luma = load_float(lens, TONE_AT + Y_GAIN) * luma + load_float(lens, TONE_AT + Y_OFFSET)
+        store(sums, part * LANES, count)
+        store(sums, (PARTS + part) * LANES, load(sums, (PARTS + part) * LANES) + share)
+        store(sums, (2 * PARTS + part) * LANES, load(sums, (2 * PARTS + part) * LANES) + share * toned_luma)
+        left += select(wanted & (count < np.float32(blend)), spread(1.0), 0.0)
+    return any_of(left > 0.0)
+
+
+@serial
+def see_cell(sources: Sources, pixels: int, seen: int, sums: int) -> int:
+    """Ask views for a cell; returns how many were asked.
+
+    pixels [4, PARTS, LANES]: disparity and direction; seen [views, FIELDS, PARTS, LANES]: filled for those asked;
+    sums [3, PARTS, LANES]: filled with the number of views that agree, their weights, and their luma by weight.
+    """
+    largest = spread(0.0)
+    for part in range(PARTS):
+        largest = maximum(largest, load(pixels, part * LANES))
+    for i in range(3 * PARTS):
+        store(sums, i * LANES, spread(0.0))
+    k, any_left = 0, any_of(largest > 0.0)
+    while any_left and k < sources.view_count:
+        lens = lens_at(sources.lenses, k)
+        _aim_cell(lens, sources.blend > 1, pixels, seen, k)
+        any_left = _look_cell(
+            lens, addresses_of(sources, k), sources.blend, sources.cubic, pixels, seen, k, sums
+        )
+        k += 1
+    return k

@@ -1,0 +1,53 @@
+"""Records of arrays that kernels of this room take."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...support.array_types import F32, I32, I64, U8
+
+__all__ = ["Bands", "DepthBuffer", "Planes", "Regions", "Rows", "VisibleBlocks"]
+
+Rows = tuple[int, int]  # the first and the last of some rows of a picture
+
+
+class DepthBuffer(NamedTuple):
+    """What was drawn to a picture [h, w]: disparity, 1/m, 0 where nothing was, and the number of the view that won."""
+
+    disparity: F32
+    winner: U8
+
+
+class Planes(NamedTuple):
+    """Colours of a picture [h, w], in 10-bit codes; chroma has the size of the luma."""
+
+    luma: F32
+    chroma_b: F32
+    chroma_r: F32
+
+
+class VisibleBlocks(NamedTuple):
+    """The blocks of a mesh that a picture may show, in chunks.
+
+    Chunk c has the visible blocks shares[c] to shares[c + 1] - 1.
+    """
+
+    starts: I64  # [blocks + 1, 2]: where each block's points and triangles begin
+    visible: I64  # [n]: numbers of blocks
+    shares: I64  # [chunks + 1]
+
+
+class Regions(NamedTuple):
+    """Where triangles may matter. Behind the last tile and the last point three bytes more can be read."""
+
+    tiles: U8  # [rows, columns] of a picture: only triangles that touch a marked one are drawn; empty: all
+    open_tiles: U8  # where a surface may show between others (`tiles.mark_open_tiles`); empty: everywhere
+    nearer: U8  # [points]: see `blocks.place_points`
+
+
+class Bands(NamedTuple):
+    """Triangles sorted into bands of a picture's rows; one over several bands stands in each."""
+
+    rows: int  # of a band
+    counts: I64  # [chunks, bands]: how many there are
+    lists: I32  # [chunks, bands, capacity]: their numbers
