@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..geometry.mesh import Mesh
-from ..kernels.base.simd import BEYOND
+from ..kernels.base.memory import BEYOND
 from ..kernels.rendering import blocks, rasterise, sorting, spherical
 from ..kernels.rendering.records import Bands, DepthBuffer, Regions, VisibleBlocks
 from .target import Target

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ..kernels.base.simd import BEYOND
+from ..kernels.base.memory import BEYOND
 from ..kernels.rendering import tiles as kernels
 from ..kernels.rendering.tiles import TILE
 from ..support.array_types import F32, I32

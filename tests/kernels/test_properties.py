@@ -11,8 +11,9 @@ from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.triangulation import TriangulationOptions
 from farside.engine.kernels.base import view_table
+from farside.engine.kernels.base.memory import load, store
 from farside.engine.kernels.base.project import project_point, unproject_point
-from farside.engine.kernels.base.simd import LANES, load, store
+from farside.engine.kernels.base.simd import LANES
 from farside.engine.kernels.evaluation.leaks import farthest_distances
 from farside.engine.kernels.rendering import fill as fill_kernels
 from farside.engine.kernels.rendering.lens import LENS_SIZE, OUTSIDE, aim, make_lens

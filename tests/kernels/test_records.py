@@ -128,7 +128,7 @@ def _is_constant(index: ast.expr) -> bool:
 
 
 def _names_a_field_by_number(node: ast.AST, records: set[str], tables: set[str]) -> bool:
-    if isinstance(node, ast.Call) and _name(node.func).startswith("load"):  # load_float(lens, 9)
+    if isinstance(node, ast.Call) and _name(node.func).startswith("load"):  # load_f32(lens, 9)
         return len(node.args) > 1 and _is_record(node.args[0], records, tables) and _is_number(node.args[1])
     if not isinstance(node, ast.Subscript):
         return False
@@ -160,7 +160,7 @@ def test_no_number_stands_for_a_field_of_a_record():
         "def f(table: F64, k: int): return table[k][1]",
         "def f(coding: F64): least = int(coding[2])",
         "def f(camera: F64):\n    first = to_fixed_tuple(camera, 20)\n    return first[7]",
-        "def f(lens: int): return load_float(lens, 9)",
+        "def f(lens: int): return load_f32(lens, 9)",
         "distance = present.rows[:, 16:19] - target.packed[16:19]",
         "packed = camera.packed(origin)\nu = packed[5]",
         "def f(packed: npt.NDArray[np.float64]): return packed[5]",

@@ -7,8 +7,9 @@ import operator
 import numba
 import numpy as np
 import pytest
-from farside.engine.kernels.base import simd
-from farside.engine.kernels.base.simd import LANES, evens, load, maximum, minimum, odds, select, spread, store
+from farside.engine.kernels.base import memory, simd
+from farside.engine.kernels.base.memory import load, store
+from farside.engine.kernels.base.simd import LANES, evens, maximum, minimum, odds, select, spread
 
 rng = np.random.default_rng(0)
 X, Y = rng.uniform(-9, 9, LANES).astype(np.float32), rng.uniform(1, 9, LANES).astype(np.float32)
@@ -134,11 +135,11 @@ def test_any_lane(lane):
 
 
 GATHERS = {
-    "halves": lambda at, i, m: as_floats(simd.gather_halves(at, i, m) & 0xFFFF),
-    "second halves": lambda at, i, m: as_floats(simd.gather_halves(at, i, m) >> 16),
-    "quads": lambda at, i, m: as_floats(evens(*simd.gather_quads(at, i, m)) & 0xFFFF),
-    "last of quads": lambda at, i, m: as_floats(odds(*simd.gather_quads(at, i, m)) >> 16),
-    "bytes": lambda at, i, m: as_floats(simd.gather_bytes(at, i << 1, m) & 0xFFFF),
+    "halves": lambda at, i, m: as_floats(memory.gather_halves(at, i, m) & 0xFFFF),
+    "second halves": lambda at, i, m: as_floats(memory.gather_halves(at, i, m) >> 16),
+    "quads": lambda at, i, m: as_floats(evens(*memory.gather_quads(at, i, m)) & 0xFFFF),
+    "last of quads": lambda at, i, m: as_floats(odds(*memory.gather_quads(at, i, m)) >> 16),
+    "bytes": lambda at, i, m: as_floats(memory.gather_bytes(at, i << 1, m) & 0xFFFF),
 }
 AHEAD = {"halves": 0, "second halves": 1, "quads": 0, "last of quads": 3, "bytes": 0}
 
@@ -153,7 +154,7 @@ def test_gathers_read_where_the_mask_is_true(name):
     @numba.njit
     def run(index, out):
         places = as_integers(load(index, 0))
-        simd.prefetch(address, places)
+        memory.prefetch(address, places)
         store(out, 0, gather(address, places, load(index, 0) < 1000.0))
 
     run(index.ctypes.data, out.ctypes.data)
@@ -163,7 +164,7 @@ def test_gathers_read_where_the_mask_is_true(name):
 
 @pytest.mark.parametrize("kind", [np.float32, np.int32])
 def test_gathers_of_whole_numbers_and_floats(kind):
-    gather = simd.gather_floats if kind is np.float32 else simd.gather_integers
+    gather = memory.gather_floats if kind is np.float32 else memory.gather_integers
     whole = kind is np.int32
     data = rng.integers(-1000, 1000, 100).astype(kind)
     index = rng.integers(0, 100, LANES).astype(np.float32)
@@ -185,7 +186,7 @@ def test_packed_are_those_where_the_mask_is_true(least):
 
     @numba.njit
     def run(x, out):
-        return simd.store_packed(out, as_integers(load(x, 0)), load(x, 0) > least)
+        return memory.store_packed(out, as_integers(load(x, 0)), load(x, 0) > least)
 
     expected = x[x > least].astype(np.int32)
     assert run(x.ctypes.data, out.ctypes.data) == len(expected)
@@ -194,14 +195,14 @@ def test_packed_are_those_where_the_mask_is_true(least):
 
 def test_the_larger_is_stored():
     out = np.empty(LANES, np.float32)
-    larger = numba.njit(lambda x, y, out: simd.store_larger(out, 0, load(x, 0), load(y, 0)))
+    larger = numba.njit(lambda x, y, out: memory.store_larger(out, 0, load(x, 0), load(y, 0)))
     larger(X.ctypes.data, Y.ctypes.data, out.ctypes.data)
     np.testing.assert_array_equal(out, np.maximum(X, Y))
 
 
 def test_scalars_by_address():
     floats, integers = np.arange(4, dtype=np.float32) / 2, np.arange(4) - (1 << 40)
-    found = numba.njit(lambda a, b: (simd.load_float(a, 3), simd.load_integer(b, 1)))
+    found = numba.njit(lambda a, b: (memory.load_f32(a, 3), memory.load_i64(b, 1)))
     assert found(floats.ctypes.data, integers.ctypes.data) == (1.5, 1 - (1 << 40))
 
 
@@ -209,8 +210,8 @@ def test_masked_memory_is_touched_only_where_the_mask_is_true():
     @numba.njit
     def move(source, target, bytes_, below):
         mask = simd.lane_numbers() < np.float32(below)
-        simd.store_where(target, 1, simd.load_where(source, 0, mask) + 1.0, mask)
-        simd.store_byte_where(bytes_, 2, 300, mask)
+        memory.store_where(target, 1, memory.load_where(source, 0, mask) + 1.0, mask)
+        memory.store_byte_where(bytes_, 2, 300, mask)
 
     source, target = np.arange(5, 21, dtype=np.float32), np.full(18, -1, np.float32)
     bytes_ = np.full(20, 7, np.uint8)

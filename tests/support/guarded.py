@@ -25,7 +25,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from farside.engine.kernels.base.simd import BEYOND
+from farside.engine.kernels.base.memory import BEYOND
 from numba.core.dispatcher import Dispatcher
 
 __all__ = ["FLUSHES", "guarded", "guarding", "kernels_of_engine"]

@@ -14,8 +14,9 @@ import numpy as np
 from ...support.array_types import F32, F64, I64
 from ...support.packed import HEIGHT, WIDTH
 from ..base.jit import inlined, parallel, serial
+from ..base.memory import load_u16
 from ..base.project import project_point, unproject_point
-from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
+from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE
 
 __all__ = ["gather_samples", "solve_tones", "weigh_samples"]
 
@@ -40,7 +41,7 @@ def _surface(row: F64, codes: int, u: float, v: float) -> float:
     total, low, high = 0, 65535, 0
     for k in range(4):
         dx, dy = (-_REACH, _REACH - 1)[k & 1], (-_REACH, _REACH - 1)[k >> 1]
-        code = load_texel(codes, (y + dy) * width + x + dx)
+        code = load_u16(codes, (y + dy) * width + x + dx)
         total, low, high = total + code, min(low, code), max(high, code)
     if high - low > row[EDGE] or (low == 0 and row[INVALID] > 0.0):
         return -1.0
@@ -53,9 +54,9 @@ def _bilinear(plane: int, width: int, height: int, u: float, v: float) -> float:
     x0, y0 = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
     right, below = min(1, width - 1), width if height > 1 else 0
     at = y0 * width + x0
-    top = load_texel(plane, at) + (x - x0) * (load_texel(plane, at + right) - load_texel(plane, at))
-    low = load_texel(plane, at + below)
-    low = low + (x - x0) * (load_texel(plane, at + below + right) - low)
+    top = load_u16(plane, at) + (x - x0) * (load_u16(plane, at + right) - load_u16(plane, at))
+    low = load_u16(plane, at + below)
+    low = low + (x - x0) * (load_u16(plane, at + below + right) - low)
     return top + (y - y0) * (low - top)
 
 

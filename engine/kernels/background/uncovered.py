@@ -28,8 +28,9 @@ from ...support.packed import (
     WRAPS,
 )
 from ..base.jit import inlined, parallel, serial
+from ..base.memory import load_u8, load_u16
 from ..base.project import project_pixels
-from ..base.view_table import INVALID, OFFSET, STEP, load_byte, load_texel
+from ..base.view_table import INVALID, OFFSET, STEP
 from ..geometry.cuts import BROKEN
 from .rays import load_i64
 
@@ -51,7 +52,7 @@ def _look_at_corners(view: F64, codes: int, camera: F64, row: int, pixels: F64, 
     w, y, count = int(view[WIDTH]), min(BLOCK * row, int(view[HEIGHT]) - 1), images.shape[1]
     for i in range(count):
         x = min(BLOCK * i, w - 1)
-        code = load_texel(codes, y * w + x)
+        code = load_u16(codes, y * w + x)
         disparity = view[OFFSET] + view[STEP] * code
         pixels[0, i], pixels[1, i] = x + 0.5, y + 0.5
         pixels[2, i] = disparity if (code > 0 or view[INVALID] == 0.0) and disparity > 0.0 else -1.0
@@ -71,7 +72,7 @@ def _any_cut(flags: int, w: int, top: int, bottom: int, left: int, right: int) -
             found |= load_i64(line + x)
             x += 8
         while x <= right:
-            found |= load_byte(line, x)
+            found |= load_u8(line, x)
             x += 1
     return found & _WORD_BROKEN != 0
 

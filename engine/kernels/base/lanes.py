@@ -11,6 +11,8 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from .memory import load_vector, store_vector
+
 __all__ = [
     "LANES", "bits_of", "bytes_from", "codes_there", "cuts", "differ", "lowest", "mark", "move", "ones", "side_errors",
     "square_errors",
@@ -24,12 +26,7 @@ _int, _void = types.int64, types.void
 
 
 def _load(builder: Any, address: Any, kind: Any = _CODES) -> Any:
-    return builder.load(builder.inttoptr(address, kind.as_pointer()), align=kind.element.width // 8)
-
-
-def _store(builder: Any, vector: Any, address: Any) -> None:
-    kind = vector.type
-    builder.store(vector, builder.inttoptr(address, kind.as_pointer()), align=kind.element.width // 8)
+    return load_vector(builder, address, kind)
 
 
 def _all(builder: Any, value: Any, kind: Any = _CODES) -> Any:
@@ -100,7 +97,7 @@ def bytes_from(typingctx: Any, a: Any, b: Any, c: Any, d: Any, e: Any, target: A
         for k, word in enumerate(args[:5]):
             bit = ir.Constant(_BYTES, [1 << k] * LANES)
             row = builder.or_(row, builder.select(_mask(builder, word), bit, _zero(_BYTES)))
-        _store(builder, row, args[5])
+        store_vector(builder, row, args[5])
         return context.get_dummy_value()
 
     return _void(_int, _int, _int, _int, _int, _int), generate
@@ -132,7 +129,7 @@ def move(typingctx: Any, source: Any, target: Any) -> Any:
     """Copy 64 codes."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        _store(builder, _load(builder, args[0]), args[1])
+        store_vector(builder, _load(builder, args[0]), args[1])
         return context.get_dummy_value()
 
     return _void(_int, _int), generate
@@ -143,7 +140,7 @@ def mark(typingctx: Any, word: Any, target: Any) -> Any:
     """64 codes: 65535 where a word's bit is set, 0 elsewhere."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        _store(builder, builder.sext(_mask(builder, args[0]), _CODES), args[1])
+        store_vector(builder, builder.sext(_mask(builder, args[0]), _CODES), args[1])
         return context.get_dummy_value()
 
     return _void(_int, _int), generate
@@ -213,7 +210,7 @@ def side_errors(
         children = _largest(builder, *(_load(builder, place) for place in places))
         error = _call(builder, "uadd.sat", _deviation(builder, code, a, b), children)
         error = builder.or_(error, own)
-        _store(builder, error, out)
+        store_vector(builder, error, out)
         return _word(builder, builder.icmp_unsigned(">", error, _all(builder, limit)))
 
     return _int(_int, _int, _int, _int, _int, _int, _int, _int, _int), generate
@@ -247,7 +244,7 @@ def square_errors(
         deviation = _deviation(builder, _load(builder, code_at), left, right)
         error = builder.or_(_call(builder, "uadd.sat", deviation, children), _load(builder, own_at))
         error = builder.select(inside, error, _zero())
-        _store(builder, error, out)
+        store_vector(builder, error, out)
         return _word(builder, builder.icmp_unsigned(">", error, _all(builder, limit)))
 
     return _int(_int, _int, _int, _int, _int, _int, _int, _int, _int), generate

@@ -5,9 +5,10 @@ from __future__ import annotations
 from ...support.array_types import F64
 from ...support.packed import HEIGHT, WIDTH
 from .jit import inlined
+from .memory import load_u16
 from .project import project_point
 from .tolerance import Delta, delta_at
-from .view_table import EDGE, INVALID, OFFSET, STEP, load_texel
+from .view_table import EDGE, INVALID, OFFSET, STEP
 
 __all__ = ["looks_through", "shows"]
 
@@ -36,7 +37,7 @@ def looks_through(row: F64, codes: int, x: float, y: float, z: float, delta: Del
     limit = (1.0 / (depth + margin) - row[OFFSET]) / row[STEP]
     farther = 0
     for k in range(4):
-        code = load_texel(codes, at + (k & 1) + (k >> 1) * int(row[WIDTH]))
+        code = load_u16(codes, at + (k & 1) + (k >> 1) * int(row[WIDTH]))
         farther += code < limit and not (code == 0 and row[INVALID] > 0.0)
     return farther >= texels
 
@@ -52,7 +53,7 @@ def shows(row: F64, codes: int, x: float, y: float, z: float, delta: Delta) -> b
         return False
     lowest, highest = 65535, 0
     for k in range(4):
-        code = load_texel(codes, at + (k & 1) + (k >> 1) * int(row[WIDTH]))
+        code = load_u16(codes, at + (k & 1) + (k >> 1) * int(row[WIDTH]))
         lowest, highest = min(lowest, code), max(highest, code)
     if highest - lowest > row[EDGE] or (lowest == 0 and row[INVALID] > 0.0):
         return False

@@ -8,11 +8,7 @@ arrays alive.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
+from typing import NamedTuple
 
 from ...support.array_types import F64, I64
 from ...support.packed import CAMERA_SIZE
@@ -39,8 +35,6 @@ __all__ = [
     "TONE",
     "Views",
     "Y",
-    "load_byte",
-    "load_texel",
 ]
 
 OFFSET = CAMERA_SIZE  # disparity of code 0
@@ -66,26 +60,3 @@ class Views(NamedTuple):
 
     table: F64  # [n, TABLE_SIZE]
     addresses: I64  # [n, PLANE_COUNT]
-
-
-def _element_of(bits: int) -> Any:
-    """An intrinsic's signature and code: the unsigned element of so many bits at (address, index)."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        pointer = builder.inttoptr(args[0], ir.IntType(bits).as_pointer())
-        value = builder.load(builder.gep(pointer, [args[1]]))
-        return builder.zext(value, ir.IntType(64))
-
-    return types.int64(types.int64, types.int64), codegen
-
-
-@intrinsic
-def load_texel(typingctx: Any, address: Any, index: Any) -> Any:
-    """The uint16 at address + 2 * index: pictures of different views are reached through one table."""
-    return _element_of(16)
-
-
-@intrinsic
-def load_byte(typingctx: Any, address: Any, index: Any) -> Any:
-    """The uint8 at address + index."""
-    return _element_of(8)

@@ -9,9 +9,10 @@ import numpy as np
 
 from ...support.array_types import F32, F64, I64
 from ..base.jit import inlined, parallel, serial
+from ..base.memory import load
 from ..base.project import unproject_point
 from ..base.sight import looks_through
-from ..base.simd import LANES, any_of, load
+from ..base.simd import LANES, any_of
 from ..base.tolerance import Delta, delta_at
 from ..base.view_table import CODES, Views
 from .present import present_depth

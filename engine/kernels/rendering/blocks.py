@@ -10,8 +10,9 @@ import numpy as np
 from ...support.array_types import F32, F64, I64, U8
 from ...support.packed import CX, CY, FX, FY, HEIGHT, KIND, PERSPECTIVE, WIDTH
 from ..base.jit import inlined, inlined_late, parallel, serial
+from ..base.memory import gather_floats, store_byte_where
 from ..base.project import point_in_camera
-from ..base.simd import LANES, Truths, gather_floats, lane_numbers, store_byte_where, to_integers
+from ..base.simd import LANES, Mask, lane_numbers, to_integers
 from .tiles import TILE
 
 __all__ = ["bound_blocks", "place_points", "place_points_serially", "visible_blocks"]
@@ -108,7 +109,7 @@ def _transform(points: F32, first: int, last: int, camera: F64, screen: F32) -> 
 
 
 @inlined_late
-def _is_nearer(screen: int, i: int, among: Truths, disparity: int, width: int, height: int, margin: float) -> Truths:
+def _is_nearer(screen: int, i: int, among: Mask, disparity: int, width: int, height: int, margin: float) -> Mask:
     """Of sixteen points from i on: see `place_points`."""
     at = (to_integers(lane_numbers()) << 2) + 4 * i
     u, v = gather_floats(screen, at, among), gather_floats(screen, at + 1, among)

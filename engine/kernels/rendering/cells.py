@@ -14,19 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.jit import inlined_late, serial
-from ..base.simd import (
-    LANES,
-    Floats,
-    any_of,
-    evens,
-    load,
-    load_float,
-    maximum,
-    odds,
-    select,
-    spread,
-    store,
-)
+from ..base.memory import load, load_f32, store
+from ..base.simd import LANES, Floats, any_of, evens, maximum, odds, select, spread
 from ..base.tone import CB_FROM_Y, CB_GAIN, CB_OFFSET, CR_FROM_Y, CR_GAIN, CR_OFFSET, Y_GAIN, Y_OFFSET
 from ..base.view_table import ROW_OF_ADDRESSES
 from .lens import OUTSIDE, TONE_AT, aim, lens_at
@@ -152,10 +141,10 @@ def colour_cell(sources: Sources, n: int, seen: int, inverses: int) -> tuple[Flo
             lens = lens_at(sources.lenses, k)
             b, r = _colour_blocks(lens, addresses_of(sources, k), sources.cubic, seen, k, weight)
             luma = _sum(seen, k, _LUMA)
-            on_b, on_r = load_float(lens, TONE_AT + CB_FROM_Y), load_float(lens, TONE_AT + CR_FROM_Y)
-            shift_b, shift_r = load_float(lens, TONE_AT + CB_OFFSET), load_float(lens, TONE_AT + CR_OFFSET)
-            sum_b += load_float(lens, TONE_AT + CB_GAIN) * b + on_b * luma + shift_b * weight
-            sum_r += load_float(lens, TONE_AT + CR_GAIN) * r + on_r * luma + shift_r * weight
+            on_b, on_r = load_f32(lens, TONE_AT + CB_FROM_Y), load_f32(lens, TONE_AT + CR_FROM_Y)
+            shift_b, shift_r = load_f32(lens, TONE_AT + CB_OFFSET), load_f32(lens, TONE_AT + CR_OFFSET)
+            sum_b += load_f32(lens, TONE_AT + CB_GAIN) * b + on_b * luma + shift_b * weight
+            sum_r += load_f32(lens, TONE_AT + CR_GAIN) * r + on_r * luma + shift_r * weight
             count += weight
     return sum_b, sum_r, count
 
@@ -195,7 +184,7 @@ def _look_cell(lens: int, addresses: int, blend: int, cubic: bool, pixels: int, 
         _put(seen, k, part, _V, v)
         _put(seen, k, part, _MANNER, manner)
         count += select(share > 0.0, spread(1.0), 0.0)
-        toned_luma = load_float(lens, TONE_AT + Y_GAIN) * luma + load_float(lens, TONE_AT + Y_OFFSET)
+        toned_luma = load_f32(lens, TONE_AT + Y_GAIN) * luma + load_f32(lens, TONE_AT + Y_OFFSET)
         store(sums, part * LANES, count)
         store(sums, (PARTS + part) * LANES, load(sums, (PARTS + part) * LANES) + share)
         store(sums, (2 * PARTS + part) * LANES, load(sums, (2 * PARTS + part) * LANES) + share * toned_luma)

@@ -35,8 +35,9 @@ from ...support.packed import (
 )
 from ..base import view_table as t
 from ..base.jit import inlined_late, serial
+from ..base.memory import load_f32
 from ..base.project import arc_tangent_of_ratio
-from ..base.simd import Floats, Truths, load_float, maximum, minimum, select, spread, square_root
+from ..base.simd import Floats, Mask, maximum, minimum, select, spread, square_root
 from ..base.tone import TONE_SIZE
 
 __all__ = [
@@ -111,7 +112,7 @@ def _absolute(x: Floats) -> Floats:
 
 
 @inlined_late
-def _angle(ratio: Floats, steep: Truths, negative: Truths) -> Floats:
+def _angle(ratio: Floats, steep: Mask, negative: Mask) -> Floats:
     """Arc tangent of a ratio in [0, 1] or, where it is `steep`, of its inverse: within 3e-7 rad, a thousandth
     of a pixel."""
     r = arc_tangent_of_ratio(ratio)
@@ -122,10 +123,10 @@ def _angle(ratio: Floats, steep: Truths, negative: Truths) -> Floats:
 @inlined_late
 def _project(lens: int, q: Floats, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
     """Points in the view's axes, times q -> u, v and depth code; the code is OUTSIDE where there is no image."""
-    if load_float(lens, _KIND) == PERSPECTIVE:
+    if load_f32(lens, _KIND) == PERSPECTIVE:
         inverse = 1.0 / x
-        u = load_float(lens, _CX) - load_float(lens, _FX) * y * inverse
-        v = load_float(lens, _CY) - load_float(lens, _FY) * z * inverse
+        u = load_f32(lens, _CX) - load_f32(lens, _FX) * y * inverse
+        v = load_f32(lens, _CY) - load_f32(lens, _FY) * z * inverse
         near = q * inverse
     else:
         planar = x * x + y * y
@@ -136,24 +137,24 @@ def _project(lens: int, q: Floats, x: Floats, y: Floats, z: Floats) -> tuple[Flo
         across = _angle(minimum(ax, ay) * higher * length * inverse, ay > ax, (x < 0.0) ^ (y < 0.0))
         across = select(x < 0.0, select(y < 0.0, -math.pi + across, math.pi + across), across)
         up = _angle(minimum(root, az) * longer * length * inverse, az > root, z < 0.0)
-        u = (load_float(lens, _CX) - across) * load_float(lens, _FX)
-        v = (load_float(lens, _CY) - up) * load_float(lens, _FY)
+        u = (load_f32(lens, _CX) - across) * load_f32(lens, _FX)
+        v = (load_f32(lens, _CY) - up) * load_f32(lens, _FY)
         near = q * longer * higher * inverse
         # The azimuth is known up to a turn: take the one nearest to the picture's middle.
-        turn = np.float32(2.0 * math.pi) * load_float(lens, _FX)
-        most = np.float32(0.5) * (load_float(lens, PICTURE_WIDTH) + turn)
+        turn = np.float32(2.0 * math.pi) * load_f32(lens, _FX)
+        most = np.float32(0.5) * (load_f32(lens, PICTURE_WIDTH) + turn)
         u = select(u > most, u - turn, u)
         u = select(u < most - turn, u + turn, u)
-    width, height = load_float(lens, PICTURE_WIDTH), load_float(lens, PICTURE_HEIGHT)
+    width, height = load_f32(lens, PICTURE_WIDTH), load_f32(lens, PICTURE_HEIGHT)
     inside = (near > 0.0) & (u >= 0.0) & (v >= 0.0) & (u <= width) & (v <= height)
-    return u, v, select(inside, (near - load_float(lens, _OFFSET)) * load_float(lens, _PER_STEP), OUTSIDE)
+    return u, v, select(inside, (near - load_f32(lens, _OFFSET)) * load_f32(lens, _PER_STEP), OUTSIDE)
 
 
 @inlined_late
 def _weigh(lens: int, q: Floats, ex: Floats, ey: Floats, ez: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Weights of the view's clean and mixed texels: small angle between its ray and the eye's (e), fine sampling,
     off the border. Where the two rays are within a pixel of each other, a mixed texel is what the eye sees."""
-    tx, ty, tz = load_float(lens, _SHIFT_X), load_float(lens, _SHIFT_Y), load_float(lens, _SHIFT_Z)
+    tx, ty, tz = load_f32(lens, _SHIFT_X), load_f32(lens, _SHIFT_Y), load_f32(lens, _SHIFT_Z)
     vx, vy, vz = ex + tx * q, ey + ty * q, ez + tz * q
     ee, vv = ex * ex + ey * ey + ez * ez, vx * vx + vy * vy + vz * vz
     # The rays span what the eye's and the shift do, which does not cancel where they are nearly the same.
@@ -161,13 +162,13 @@ def _weigh(lens: int, q: Floats, ex: Floats, ey: Floats, ez: Floats, u: Floats, 
     both = ee * vv
     sine2 = q * q * (cx * cx + cy * cy + cz * cz)  # times both
     sine2 = select(ex * vx + ey * vy + ez * vz < 0.0, 2.0 * both - sine2, sine2)
-    finer = minimum(vv, ee * load_float(lens, _SHARPNESS2))  # times vv
+    finer = minimum(vv, ee * load_f32(lens, _SHARPNESS2))  # times vv
     # A picture that wraps has no border.
-    softest = np.float32(1.0) if load_float(lens, PICTURE_WRAPS) > 0.0 else np.float32(0.02)
-    width, height = load_float(lens, PICTURE_WIDTH), load_float(lens, PICTURE_HEIGHT)
+    softest = np.float32(1.0) if load_f32(lens, PICTURE_WRAPS) > 0.0 else np.float32(0.02)
+    width, height = load_f32(lens, PICTURE_WIDTH), load_f32(lens, PICTURE_HEIGHT)
     border = minimum(minimum(u, width - u), minimum(v, height - v)) * np.float32(1.0 / _BORDER_PX)
     border = minimum(maximum(border, softest), 1.0)
-    same = load_float(lens, _PIXEL2) * both
+    same = load_f32(lens, _PIXEL2) * both
     apart, beside = 3e-5 * both + sine2, same * same + sine2 * sine2
     inverse = 1.0 / maximum(apart * beside, 1e-37)
     weight = border * (0.1 * vv + finer) * ee * beside * inverse
@@ -182,12 +183,12 @@ def aim(
     where it does not; and, if it `blends` with others, weights of its clean and its mixed texels there.
 
     lens: address of the view's lens."""
-    ex = load_float(lens, _XX) * dx + load_float(lens, _XY) * dy + load_float(lens, _XZ) * dz
-    ey = load_float(lens, _YX) * dx + load_float(lens, _YY) * dy + load_float(lens, _YZ) * dz
-    ez = load_float(lens, _ZX) * dx + load_float(lens, _ZY) * dy + load_float(lens, _ZZ) * dz
-    x = ex + load_float(lens, _SHIFT_X) * q
-    y = ey + load_float(lens, _SHIFT_Y) * q
-    z = ez + load_float(lens, _SHIFT_Z) * q
+    ex = load_f32(lens, _XX) * dx + load_f32(lens, _XY) * dy + load_f32(lens, _XZ) * dz
+    ey = load_f32(lens, _YX) * dx + load_f32(lens, _YY) * dy + load_f32(lens, _YZ) * dz
+    ez = load_f32(lens, _ZX) * dx + load_f32(lens, _ZY) * dy + load_f32(lens, _ZZ) * dz
+    x = ex + load_f32(lens, _SHIFT_X) * q
+    y = ey + load_f32(lens, _SHIFT_Y) * q
+    z = ez + load_f32(lens, _SHIFT_Z) * q
     u, v, code = _project(lens, q, x, y, z)
     clean, mixed = spread(1.0), spread(1.0)
     if blends:

@@ -10,21 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.jit import inlined_late
-from ..base.simd import (
-    Floats,
-    Integers,
-    Truths,
-    any_of,
-    load_float,
-    load_integer,
-    maximum,
-    minimum,
-    prefetch,
-    select,
-    spread,
-    to_floats,
-    to_integers,
-)
+from ..base.memory import load_f32, load_i64, prefetch
+from ..base.simd import Floats, Integers, Mask, any_of, maximum, minimum, select, spread, to_floats, to_integers
 from ..base.view_table import CODES, CUTS, Y
 from ..geometry.cuts import BROKEN
 from .lens import EDGE, LEAST, PICTURE_HEIGHT, PICTURE_WIDTH, PICTURE_WRAPS, TOLERANCE
@@ -46,21 +33,21 @@ class _Place(NamedTuple):
     column: Integers  # as x, but the last one where the point lies across the seam of a picture that wraps
     fx: Floats  # share of the right ones, and of the lower ones
     fy: Floats
-    seam: Truths  # the point lies between the last column and the first one
+    seam: Mask  # the point lies between the last column and the first one
     crosses: bool  # whether any does
 
 
 @inlined_late
-def _place(lens: int, width: int, height: int, seen: Truths, u: Floats, v: Floats) -> _Place:
+def _place(lens: int, width: int, height: int, seen: Mask, u: Floats, v: Floats) -> _Place:
     """Places of points (u, v) in a picture, clamped to the centres of its outermost pixels."""
-    x, y = u - 0.5, minimum(maximum(v - 0.5, 0.0), load_float(lens, PICTURE_HEIGHT) - np.float32(1.0))
+    x, y = u - 0.5, minimum(maximum(v - 0.5, 0.0), load_f32(lens, PICTURE_HEIGHT) - np.float32(1.0))
     crosses = False
-    if load_float(lens, PICTURE_WRAPS) > 0.0:
-        x = select(x < 0.0, x + load_float(lens, PICTURE_WIDTH), x)
-        seam = seen & (x >= load_float(lens, PICTURE_WIDTH) - np.float32(1.0))
+    if load_f32(lens, PICTURE_WRAPS) > 0.0:
+        x = select(x < 0.0, x + load_f32(lens, PICTURE_WIDTH), x)
+        seam = seen & (x >= load_f32(lens, PICTURE_WIDTH) - np.float32(1.0))
         crosses = any_of(seam)
     else:
-        x = minimum(maximum(x, 0.0), load_float(lens, PICTURE_WIDTH) - np.float32(1.0))
+        x = minimum(maximum(x, 0.0), load_f32(lens, PICTURE_WIDTH) - np.float32(1.0))
         seam = x < 0.0
     column = minimum(to_integers(x), width - 1)
     x0, y0 = minimum(column, width - 2), minimum(to_integers(y), height - 2)
@@ -69,7 +56,7 @@ def _place(lens: int, width: int, height: int, seen: Truths, u: Floats, v: Float
 
 
 @inlined_late
-def _four(address: int, place: _Place, width: int, mask: Truths) -> tuple[Integers, Integers, Integers, Integers]:
+def _four(address: int, place: _Place, width: int, mask: Mask) -> tuple[Integers, Integers, Integers, Integers]:
     """The uint16 texels round places: upper left, upper right, lower left, lower right."""
     a, b = pairs_at(address, place.texel, width, place.seam, place.crosses, mask)
     c, d = pairs_at(address, place.texel + width, width, place.seam, place.crosses, mask)
@@ -78,31 +65,31 @@ def _four(address: int, place: _Place, width: int, mask: Truths) -> tuple[Intege
 
 @inlined_late
 def _shares(
-    lens: int, addresses: int, place: _Place, width: int, last: int, seen: Truths, code: Floats
-) -> tuple[Floats, Truths, Floats, tuple[Floats, Floats, Floats, Floats]]:
+    lens: int, addresses: int, place: _Place, width: int, last: int, seen: Mask, code: Floats
+) -> tuple[Floats, Mask, Floats, tuple[Floats, Floats, Floats, Floats]]:
     """How much of the surface of these depth codes a view sees, whether the four texels are one surface, how colours
     are to be fetched (SMOOTH, CAREFUL), and the share of each texel.
 
     last: number of the picture's last texel.
     """
-    tolerance = load_float(lens, TOLERANCE)
-    a, b, c, d = _four(load_integer(addresses, CODES), place, width, seen)
+    tolerance = load_f32(lens, TOLERANCE)
+    a, b, c, d = _four(load_i64(addresses, CODES), place, width, seen)
     low, high = minimum(minimum(a, b), minimum(c, d)), maximum(maximum(a, b), maximum(c, d))
     ca, cb, cc, cd = to_floats(a), to_floats(b), to_floats(c), to_floats(d)
     fx, fy = place.fx, place.fy
     top, bottom = ca + fx * (cb - ca), cc + fx * (cd - cc)
     off = top + fy * (bottom - top) - code
     agrees = maximum(off, -off) <= tolerance
-    least = load_float(lens, LEAST)
-    whole = (to_floats(high - low) <= load_float(lens, EDGE)) & (to_floats(low) >= least)
+    least = load_f32(lens, LEAST)
+    whole = (to_floats(high - low) <= load_f32(lens, EDGE)) & (to_floats(low) >= least)
     gx, gy = 1.0 - fx, 1.0 - fy
     wa, wb, wc, wd = gx * gy, fx * gy, gx * fy, fx * fy
     manner = spread(0.0)
     if any_of(seen & ~whole):
         # An edge runs between the texels, or a slope: of an edge take those of the wanted surface only.
-        inner = ~place.seam & ~is_cut(load_integer(addresses, CUTS), place.texel, width, last, seen & ~whole)
+        inner = ~place.seam & ~is_cut(load_i64(addresses, CUTS), place.texel, width, last, seen & ~whole)
         whole |= inner & (to_floats(low) >= least)
-        limit = np.float32(0.5) * load_float(lens, EDGE) + tolerance
+        limit = np.float32(0.5) * load_f32(lens, EDGE) + tolerance
         ka = select((maximum(ca - code, code - ca) <= limit) & (ca >= least), wa, 0.0)
         kb = select((maximum(cb - code, code - cb) <= limit) & (cb >= least), wb, 0.0)
         kc = select((maximum(cc - code, code - cc) <= limit) & (cc >= least), wc, 0.0)
@@ -121,7 +108,7 @@ def _shares(
 
 @inlined_late
 def look(
-    lens: int, addresses: int, seen: Truths, u: Floats, v: Floats, code: Floats, clean: Floats, mixed: Floats,
+    lens: int, addresses: int, seen: Mask, u: Floats, v: Floats, code: Floats, clean: Floats, mixed: Floats,
     blends: bool, cubic: bool,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:  # fmt: skip
     """What a view shows at (u, v), where surfaces of these depth codes are seen or hidden, with these weights (`aim`).
@@ -131,19 +118,19 @@ def look(
     CAREFUL). With `cubic` luma is interpolated by cubic convolution where it is rough.
     """
     nothing = spread(0.0)
-    width, height = int(load_float(lens, PICTURE_WIDTH)), int(load_float(lens, PICTURE_HEIGHT))
+    width, height = int(load_f32(lens, PICTURE_WIDTH)), int(load_f32(lens, PICTURE_HEIGHT))
     last = width * height - 1
     place = _place(lens, width, height, seen, u, v)
     # The next rows of the picture will look below.
-    prefetch(load_integer(addresses, CODES), place.texel + 3 * width)
-    prefetch(load_integer(addresses, Y), place.texel + 3 * width)
-    prefetch(load_integer(addresses, CUTS), (place.texel + 3 * width) >> 1)
+    prefetch(load_i64(addresses, CODES), place.texel + 3 * width)
+    prefetch(load_i64(addresses, Y), place.texel + 3 * width)
+    prefetch(load_i64(addresses, CUTS), (place.texel + 3 * width) >> 1)
     share, whole, manner, (wa, wb, wc, wd) = _shares(lens, addresses, place, width, last, seen, code)
     found = share > 0.0
     if not any_of(found):
         return nothing, nothing, nothing, nothing, nothing
     # Of what is seen, not of what was found: to wait for that costs more.
-    a, b, c, d = _four(load_integer(addresses, Y), place, width, seen)
+    a, b, c, d = _four(load_i64(addresses, Y), place, width, seen)
     luma = wa * to_floats(a) + wb * to_floats(b) + wc * to_floats(c) + wd * to_floats(d)
     if cubic:
         contrast = maximum(maximum(a, b), maximum(c, d)) - minimum(minimum(a, b), minimum(c, d))
@@ -151,11 +138,11 @@ def look(
         inside = (place.x >= 3) & (place.y >= 3) & (place.x < width - 7) & (place.y < height - 7)
         rough = found & whole & inside & (contrast > _RANGE)
         if any_of(rough):
-            sharp = cubic_convolution(load_integer(addresses, Y), place.texel, width, place.fx, place.fy, rough)
+            sharp = cubic_convolution(load_i64(addresses, Y), place.texel, width, place.fx, place.fy, rough)
             luma, manner = select(rough, sharp, luma), select(rough, spread(ROUGH), manner)
     if blends:
         nearest = minimum(to_integers(v), height - 1) * width + minimum(to_integers(u), width - 1)
-        broken = (bytes_at(load_integer(addresses, CUTS), nearest, last, seen) & BROKEN) != 0
+        broken = (bytes_at(load_i64(addresses, CUTS), nearest, last, seen) & BROKEN) != 0
         share *= select(broken, mixed, clean)
         manner = select(broken, spread(CAREFUL), manner)
     # Chroma from the middle of the texels taken.

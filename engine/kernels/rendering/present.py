@@ -5,8 +5,9 @@ from __future__ import annotations
 from ...support.array_types import F64
 from ...support.packed import HEIGHT, WIDTH
 from ..base.jit import inlined
+from ..base.memory import load_u16
 from ..base.project import project_point, unproject_point
-from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE, load_texel
+from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE
 
 __all__ = ["present_depth"]
 
@@ -34,8 +35,8 @@ def present_depth(row: F64, codes: int, camera: F64, x: int, y: int, depth: floa
             return 0.0
         left, top = int(u - 0.5), int(v - 0.5)
         fx, fy, at = u - 0.5 - left, v - 0.5 - top, top * width + left
-        a, b = load_texel(codes, at), load_texel(codes, at + 1)
-        c, d = load_texel(codes, at + width), load_texel(codes, at + width + 1)
+        a, b = load_u16(codes, at), load_u16(codes, at + 1)
+        c, d = load_u16(codes, at + width), load_u16(codes, at + width + 1)
         low, high = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
         if low == 0 and row[INVALID] > 0.0:
             return 0.0

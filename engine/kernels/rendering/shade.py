@@ -20,20 +20,8 @@ import numpy as np
 from ...support.array_types import F32, F64, I64, U8
 from ...support.packed import CX, CY, FX, FY, KIND, PERSPECTIVE, PHI_MAX, RADIANS_A_COLUMN, RADIANS_A_ROW, THETA_MAX
 from ..base.jit import inlined, inlined_late, parallel, serial
-from ..base.simd import (
-    LANES,
-    Floats,
-    Truths,
-    any_of,
-    load,
-    maximum,
-    minimum,
-    select,
-    spread,
-    store,
-    zipped,
-    zipped_rest,
-)
+from ..base.memory import load, store
+from ..base.simd import LANES, Floats, Mask, any_of, maximum, minimum, select, spread, zipped, zipped_rest
 from ..base.tone import LARGEST
 from ..base.view_table import Views
 from .cells import CELL, FIELDS, PARTS, Sources, colour_cell, see_cell
@@ -125,7 +113,7 @@ def _ask_winners(
 
 
 @inlined_late
-def _store_where(mask: Truths, address: int, x: int, values: Floats) -> None:
+def _store_where(mask: Mask, address: int, x: int, values: Floats) -> None:
     store(address, x, select(mask, values, load(address, x)))
 
 

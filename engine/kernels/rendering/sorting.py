@@ -8,19 +8,18 @@ import numpy as np
 from ...support.array_types import F32, F64, I32, I64
 from ...support.packed import FX, FY, HEIGHT, WIDTH
 from ..base.jit import inlined, parallel, serial
+from ..base.memory import gather_bytes, store_packed
 from ..base.simd import (
     LANES,
     Floats,
     Integers,
-    Truths,
+    Mask,
     any_of,
-    gather_bytes,
     lane_numbers,
     maximum,
     minimum,
     select,
     spread,
-    store_packed,
     to_integers,
 )
 from .records import Bands, Regions, VisibleBlocks
@@ -43,7 +42,7 @@ def winding(camera: F64) -> int:
 
 
 @serial
-def _touch(tiles: int, columns: int, rows: int, box: Box, marks: Integers, among: Truths) -> Truths:
+def _touch(tiles: int, columns: int, rows: int, box: Box, marks: Integers, among: Mask) -> Mask:
     """Whether boxes touch a tile with one of some marks; tiles are uint8 [rows, columns] and three bytes more."""
     left = to_integers(maximum(box[0] - 1.0, 0.0)) >> _TILE_BITS
     right = minimum(to_integers(maximum(box[1] + 1.0, 0.0)) >> _TILE_BITS, columns - 1)
@@ -61,8 +60,8 @@ def _touch(tiles: int, columns: int, rows: int, box: Box, marks: Integers, among
 
 @serial
 def _may_win(
-    points: Corners, nearer: int, tiles: int, columns: int, rows: int, box: Box, among: Truths
-) -> Truths:
+    points: Corners, nearer: int, tiles: int, columns: int, rows: int, box: Box, among: Mask
+) -> Mask:
     """Whether triangles may win a pixel: by a corner, beside a hole or, unless they are small, beside a silhouette."""
     marked = gather_bytes(nearer, points[0], among) | gather_bytes(nearer, points[1], among)
     marked |= gather_bytes(nearer, points[2], among)
@@ -74,9 +73,9 @@ def _may_win(
 
 @serial
 def _look_at(
-    screen: int, triangles: int, number: Integers, among: Truths, second: int, size: tuple[int, int], near: float,
+    screen: int, triangles: int, number: Integers, among: Mask, second: int, size: tuple[int, int], near: float,
     regions: Regions,
-) -> tuple[Truths, Floats, Floats]:  # fmt: skip
+) -> tuple[Mask, Floats, Floats]:  # fmt: skip
     """Of sixteen triangles: whether they are to be drawn, and the first and last row that they may touch."""
     (width, height), (tiles, open_tiles, nearer) = size, regions
     points = corners(triangles, number, second, among)

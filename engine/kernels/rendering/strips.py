@@ -14,27 +14,29 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined_late, serial
+from ..base.memory import (
+    gather_floats,
+    gather_integers,
+    load,
+    load_f32,
+    load_where,
+    store,
+    store_byte_where,
+    store_larger,
+    store_where,
+)
 from ..base.simd import (
     LANES,
     Floats,
     Integers,
-    Truths,
-    gather_floats,
-    gather_integers,
+    Mask,
     lane_numbers,
-    load,
-    load_float,
-    load_where,
     maximum,
     minimum,
     round_down,
     round_up,
     select,
     spread,
-    store,
-    store_byte_where,
-    store_larger,
-    store_where,
     to_integers,
 )
 from .records import Rows
@@ -65,7 +67,7 @@ Corners = tuple[Integers, Integers, Integers]
 
 
 @inlined_late
-def corners(triangles: int, number: Integers, second: int, among: Truths) -> Corners:
+def corners(triangles: int, number: Integers, second: int, among: Mask) -> Corners:
     """Points of triangles of these numbers; int32 [n, 3] at that address. `second` is 2 where they wind the other way,
     1 otherwise."""
     first = number * 3
@@ -74,7 +76,7 @@ def corners(triangles: int, number: Integers, second: int, among: Truths) -> Cor
 
 
 @inlined_late
-def on_screen(screen: int, points: Corners, field: int, among: Truths) -> tuple[Floats, Floats, Floats]:
+def on_screen(screen: int, points: Corners, field: int, among: Mask) -> tuple[Floats, Floats, Floats]:
     """One of the four fields of triangles' points; screen float32 [n, 4] at that address."""
     a, b, c = (points[0] << 2) + field, (points[1] << 2) + field, (points[2] << 2) + field
     return gather_floats(screen, a, among), gather_floats(screen, b, among), gather_floats(screen, c, among)
@@ -164,7 +166,7 @@ def prepared(ready: int, lane: int) -> int:
 
 @inlined_late
 def _get(triangle: int, field: int) -> float:
-    return load_float(triangle, field * LANES)
+    return load_f32(triangle, field * LANES)
 
 
 @inlined_late
@@ -175,7 +177,7 @@ def row_count(triangle: int) -> int:
 
 @inlined_late
 def _draw_strip(
-    disparity: int, winner: int, width: int, column: Floats, within: Truths, whole: bool, rows: int, triangle: int,
+    disparity: int, winner: int, width: int, column: Floats, within: Mask, whole: bool, rows: int, triangle: int,
     margin: float, view: int,
 ) -> None:  # fmt: skip
     """Draw rows of a strip from the addresses of its first pixel on, at these columns of the triangle where it is

@@ -8,19 +8,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined_late, serial
+from ..base.memory import gather_bytes, gather_halves, gather_quads, load_f32, load_i64, prefetch
 from ..base.simd import (
     Floats,
     Integers,
-    Truths,
+    Mask,
     evens,
-    gather_bytes,
-    gather_halves,
-    gather_quads,
-    load_float,
-    load_integer,
     minimum,
     odds,
-    prefetch,
     select,
     spread,
     sum_pairs,
@@ -45,14 +40,14 @@ __all__ = [
 
 
 @inlined_late
-def _halves_at(address: int, index: Integers, last: int, mask: Truths) -> Integers:
+def _halves_at(address: int, index: Integers, last: int, mask: Mask) -> Integers:
     """Single uint16 of an array whose last index is given: not even a byte beyond it is read."""
     start = minimum(index, last - 1)
     return (gather_halves(address, start, mask) >> ((index - start) << 4)) & 0xFFFF
 
 
 @inlined_late
-def bytes_at(address: int, index: Integers, last: int, mask: Truths) -> Integers:
+def bytes_at(address: int, index: Integers, last: int, mask: Mask) -> Integers:
     """As `_halves_at`, of uint8: that at the index and the next ones as far as there are any."""
     start = minimum(index, last - 3)
     return gather_bytes(address, start, mask) >> ((index - start) << 3)
@@ -60,7 +55,7 @@ def bytes_at(address: int, index: Integers, last: int, mask: Truths) -> Integers
 
 @inlined_late
 def pairs_at(
-    address: int, index: Integers, width: int, seam: Truths, crosses: bool, mask: Truths
+    address: int, index: Integers, width: int, seam: Mask, crosses: bool, mask: Mask
 ) -> tuple[Integers, Integers]:
     """uint16 texels and those to their right; across the seam where `index` is one left of a row's last two."""
     pair = gather_halves(address, index, mask)
@@ -85,7 +80,7 @@ def _pair_of_shares(a: Floats, b: Floats) -> Integers:
 
 
 @serial
-def cubic_convolution(address: int, index: Integers, width: int, fx: Floats, fy: Floats, mask: Truths) -> Floats:
+def cubic_convolution(address: int, index: Integers, width: int, fx: Floats, fy: Floats, mask: Mask) -> Floats:
     """Cubic convolution of a uint16 plane of colour codes between the sample `at` and those right of it and below.
 
     Across in integers, exact to a twentieth of a code: the four samples of a row are two pairs, each in a lane of its
@@ -105,59 +100,59 @@ def cubic_convolution(address: int, index: Integers, width: int, fx: Floats, fy:
 
 
 @inlined_late
-def is_cut(cuts: int, index: Integers, width: int, last: int, mask: Truths) -> Truths:
+def is_cut(cuts: int, index: Integers, width: int, last: int, mask: Mask) -> Mask:
     """Whether the surface is cut anywhere between a texel and those to its right and below."""
     here, below = bytes_at(cuts, index, last, mask), bytes_at(cuts, index + width, last, mask)
     return ((here & (CUT_RIGHT | CUT_DOWN | (CUT_DOWN << 8))) | (below & CUT_RIGHT)) != 0
 
 
 @inlined_late
-def chroma_nearest(lens: int, addresses: int, u: Floats, v: Floats, mask: Truths) -> tuple[Floats, Floats]:
+def chroma_nearest(lens: int, addresses: int, u: Floats, v: Floats, mask: Mask) -> tuple[Floats, Floats]:
     """The chroma sample whose pixels (2x2 or one) hold (u, v): replicated up, as the reference renderers do."""
     width, height, shift = (
-        int(load_float(lens, PICTURE_WIDTH)),
-        int(load_float(lens, PICTURE_HEIGHT)),
-        int(load_float(lens, SUBSAMPLED)),
+        int(load_f32(lens, PICTURE_WIDTH)),
+        int(load_f32(lens, PICTURE_HEIGHT)),
+        int(load_f32(lens, SUBSAMPLED)),
     )
     x, y = (
-        to_integers(minimum(u, load_float(lens, PICTURE_WIDTH) - np.float32(1.0))),
-        to_integers(minimum(v, load_float(lens, PICTURE_HEIGHT) - np.float32(1.0))),
+        to_integers(minimum(u, load_f32(lens, PICTURE_WIDTH) - np.float32(1.0))),
+        to_integers(minimum(v, load_f32(lens, PICTURE_HEIGHT) - np.float32(1.0))),
     )
     pitch, rows = (width + shift) >> shift, (height + shift) >> shift
     index, last = (y >> shift) * pitch + (x >> shift), pitch * rows - 1
-    prefetch(load_integer(addresses, CB), index + 2 * pitch)
-    prefetch(load_integer(addresses, CR), index + 2 * pitch)
-    return to_floats(_halves_at(load_integer(addresses, CB), index, last, mask)), to_floats(
-        _halves_at(load_integer(addresses, CR), index, last, mask)
+    prefetch(load_i64(addresses, CB), index + 2 * pitch)
+    prefetch(load_i64(addresses, CR), index + 2 * pitch)
+    return to_floats(_halves_at(load_i64(addresses, CB), index, last, mask)), to_floats(
+        _halves_at(load_i64(addresses, CR), index, last, mask)
     )
 
 
 @inlined_late
 def _chroma_place(lens: int, u: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Where (u, v) lies among the chroma samples, from the middle of the first one: column and row."""
-    scale = np.float32(0.5) if load_float(lens, SUBSAMPLED) > 0.0 else np.float32(1.0)
+    scale = np.float32(0.5) if load_f32(lens, SUBSAMPLED) > 0.0 else np.float32(1.0)
     return scale * u - 0.5, scale * v - 0.5
 
 
 @inlined_late
-def is_inside_chroma(lens: int, u: Floats, v: Floats) -> Truths:
+def is_inside_chroma(lens: int, u: Floats, v: Floats) -> Mask:
     """Whether the picture has all four by four chroma samples round (u, v), as `chroma_between` needs; not if NaN."""
-    shift = 1 if load_float(lens, SUBSAMPLED) > 0.0 else 0
-    columns = (int(load_float(lens, PICTURE_WIDTH)) + shift) >> shift
-    rows = (int(load_float(lens, PICTURE_HEIGHT)) + shift) >> shift
+    shift = 1 if load_f32(lens, SUBSAMPLED) > 0.0 else 0
+    columns = (int(load_f32(lens, PICTURE_WIDTH)) + shift) >> shift
+    rows = (int(load_f32(lens, PICTURE_HEIGHT)) + shift) >> shift
     x, y = _chroma_place(lens, u, v)
     # One sample before the place, and two behind it.
     return (x >= 1.0) & (y >= 1.0) & (x < np.float32(columns - 2)) & (y < np.float32(rows - 2))
 
 
 @inlined_late
-def chroma_between(lens: int, addresses: int, u: Floats, v: Floats, mask: Truths) -> tuple[Floats, Floats]:
+def chroma_between(lens: int, addresses: int, u: Floats, v: Floats, mask: Mask) -> tuple[Floats, Floats]:
     """Chroma at (u, v) by cubic convolution, where the mask is true: only where `is_inside_chroma` is."""
-    shift = 1 if load_float(lens, SUBSAMPLED) > 0.0 else 0
-    pitch = (int(load_float(lens, PICTURE_WIDTH)) + shift) >> shift
+    shift = 1 if load_f32(lens, SUBSAMPLED) > 0.0 else 0
+    pitch = (int(load_f32(lens, PICTURE_WIDTH)) + shift) >> shift
     x, y = _chroma_place(lens, select(mask, u, 0.0), select(mask, v, 0.0))
     i, j = to_integers(x), to_integers(y)
     fx, fy, index = x - to_floats(i), y - to_floats(j), j * pitch + i
-    return cubic_convolution(load_integer(addresses, CB), index, pitch, fx, fy, mask), cubic_convolution(
-        load_integer(addresses, CR), index, pitch, fx, fy, mask
+    return cubic_convolution(load_i64(addresses, CB), index, pitch, fx, fy, mask), cubic_convolution(
+        load_i64(addresses, CR), index, pitch, fx, fy, mask
     )

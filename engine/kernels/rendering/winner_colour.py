@@ -5,23 +5,10 @@ from __future__ import annotations
 from ...support.array_types import F64, I64
 from ...support.packed import HEIGHT, WIDTH, WRAPS
 from ..base.jit import inlined, serial
+from ..base.memory import load_u16
 from ..base.project import project_point, unproject_point
 from ..base.tone import toned
-from ..base.view_table import (
-    CB,
-    CODES,
-    CR,
-    EDGE,
-    INVALID,
-    OFFSET,
-    STEP,
-    SUBSAMPLED,
-    TOLERANCE,
-    TONE,
-    Views,
-    Y,
-    load_texel,
-)
+from ..base.view_table import CB, CODES, CR, EDGE, INVALID, OFFSET, STEP, SUBSAMPLED, TOLERANCE, TONE, Views, Y
 
 __all__ = ["shade_by_winner"]
 
@@ -52,7 +39,7 @@ def _colour_of_winner(
     a, b = iy * width + x0, iy * width + x1
     c, d = a + below, b + below
     codes = addresses[CODES]
-    ca, cb, cc, cd = load_texel(codes, a), load_texel(codes, b), load_texel(codes, c), load_texel(codes, d)
+    ca, cb, cc, cd = load_u16(codes, a), load_u16(codes, b), load_u16(codes, c), load_u16(codes, d)
     wa, wb, wc, wd = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
     low, high = min(min(ca, cb), min(cc, cd)), max(max(ca, cb), max(cc, cd))
     invalid = row[INVALID] > 0.0
@@ -75,11 +62,11 @@ def _colour_of_winner(
         u = x0 + 0.5 + wb + wd
         v = iy + 0.5 + wc + wd
     y_ = addresses[Y]
-    luma = wa * load_texel(y_, a) + wb * load_texel(y_, b) + wc * load_texel(y_, c) + wd * load_texel(y_, d)
+    luma = wa * load_u16(y_, a) + wb * load_u16(y_, b) + wc * load_u16(y_, c) + wd * load_u16(y_, d)
     shift = int(row[SUBSAMPLED])
     column, line = min(max(int(u), 0), width - 1) >> shift, min(max(int(v), 0), height - 1) >> shift
     sample = line * ((width + shift) >> shift) + column
-    return luma, float(load_texel(addresses[CB], sample)), float(load_texel(addresses[CR], sample))
+    return luma, float(load_u16(addresses[CB], sample)), float(load_u16(addresses[CR], sample))
 
 
 @serial
