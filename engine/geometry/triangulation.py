@@ -108,10 +108,10 @@ class Triangulator:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._of: tuple[Camera, TriangulationOptions, tuple[float, ...]] | None = None  # what all below belongs to
+        self._key: tuple[Camera, TriangulationOptions, tuple[float, ...]] | None = None  # what all below belongs to
         self._codes = np.empty((0, 0), np.uint16)  # the last frame's
         self._flags = np.empty((0, 0), np.uint8)
-        self._own: _Blocks  # splits that each block wants by itself
+        self._wanted: _Blocks  # splits that each block wants by itself
         self._blocks: _Blocks
         self._mesh: Mesh
 
@@ -128,22 +128,22 @@ class Triangulator:
         """
         _check("codes", codes, (camera.height, camera.width), np.uint16)
         place = np.asarray(origin, np.float64)
-        of = camera, options, (float(place[0]), float(place[1]), float(place[2]))
+        key = camera, options, (float(place[0]), float(place[1]), float(place[2]))
         with self._lock:
-            known, self._of = self._of == of, None  # nothing is known if this fails
+            known, self._key = self._key == key, None  # nothing is known if this fails
             if not known:
                 self._codes, self._flags = np.empty_like(codes), np.empty(codes.shape, np.uint8)
-                self._own = _Blocks(camera)
+                self._wanted = _Blocks(camera)
             changed = self._changes(camera, codes, known)
             if known and not changed.any():
-                self._of = of
+                self._key = key
                 return self._mesh, self._flags
             flags = self._flags.copy()
             wanted = np.empty(_tiling(*codes.shape), np.uint8)
             change_kernels.changed_flags(changed, wanted)
             _mark_cuts(camera, codes, options, None, wanted, flags)
-            _split(camera, codes, flags, options, changed, self._own)
-            blocks = _Blocks(camera, self._own)
+            _split(camera, codes, flags, options, changed, self._wanted)
+            blocks = _Blocks(camera, self._wanted)
             _join(camera, blocks.splits)
             remade = changed
             if known:
@@ -151,14 +151,14 @@ class Triangulator:
                 change_kernels.remade_blocks(changed, blocks.splits, self._blocks.splits, remade)
             parts = kernels.BOTH if options.extend_edges else kernels.SURFACE
             mesh = _mesh(camera, codes, flags, blocks, remade, place, parts, self._mesh if known else None)
-            self._flags, self._blocks, self._mesh, self._of = flags, blocks, mesh, of
+            self._flags, self._blocks, self._mesh, self._key = flags, blocks, mesh, key
             return mesh, flags
 
     def _changes(
         self, camera: Camera, codes: npt.NDArray[np.uint16], known: bool
     ) -> npt.NDArray[np.uint8]:  # [rows, columns]
         """Which blocks have changed since the last frame, which this one is from now on."""
-        changed = np.ones_like(self._own.states)
+        changed = np.ones_like(self._wanted.states)
         h, w, wraps = camera.height, camera.width, camera.wraps
         if not known:
             self._codes[:] = codes

@@ -51,9 +51,9 @@ class Settler:
         colours = np.stack([plane[places] for plane in flat], axis=1)
         last = self._last.pop(viewer, None)
         if last is not None and len(last.places) and len(places) and _is_still(last.camera, camera, near):
-            at = np.minimum(np.searchsorted(last.places, places), len(last.places) - 1)
-            before = last.colours[at]
-            same = (last.places[at] == places) & (np.abs(before - colours).max(axis=1) < _CHANGE)
+            index = np.minimum(np.searchsorted(last.places, places), len(last.places) - 1)
+            before = last.colours[index]
+            same = (last.places[index] == places) & (np.abs(before - colours).max(axis=1) < _CHANGE)
             colours[same] += _STAYS * (before[same] - colours[same])
             for plane, values in zip(flat, colours.T, strict=True):
                 plane[places] = values

@@ -74,9 +74,9 @@ class HoleMap:
         rows, columns = (math.ceil(size / block) for size in self.tiles.shape)
         padded = np.zeros((rows * block, columns * block), np.uint8)
         padded[: self.tiles.shape[0], : self.tiles.shape[1]] = self.tiles
-        some = np.pad(padded.reshape(rows, block, columns, block).any(axis=(1, 3)), 1)
+        with_holes = np.pad(padded.reshape(rows, block, columns, block).any(axis=(1, 3)), 1)
         near: Tiles = np.zeros((rows, columns), np.uint8)
         for j in range(3):
             for i in range(3):
-                near |= some[j : j + rows, i : i + columns]
+                near |= with_holes[j : j + rows, i : i + columns]
         return near

@@ -20,8 +20,8 @@ def house(wall: int, windows: Sequence[int], roof: int, width: float, storeys: i
     for floor in range(storeys):
         for k in range(columns):
             pane = windows[(3 * floor + 5 * k) % len(windows)]
-            at = (0.05, pitch * (k + 0.5) - width / 2, _STOREY * floor + 1.8)
-            parts.append(box(pane, at, (0.24, 0.55 * pitch, 1.7)))
+            centre = (0.05, pitch * (k + 0.5) - width / 2, _STOREY * floor + 1.8)
+            parts.append(box(pane, centre, (0.24, 0.55 * pitch, 1.7)))
     return parts
 
 
@@ -59,8 +59,8 @@ def car(paint: int, glass: int, tyre: int) -> Group:
 def driver(group: Group, path: Path) -> Actor:
     """Something that drives along a path."""
 
-    def at(time: float) -> Group:
+    def moment(time: float) -> Group:
         position, heading, _ = path.at(time)
         return placed(group, (*position, 0), heading)
 
-    return at
+    return moment

@@ -80,12 +80,12 @@ class Shop:
             stander(self.clothes(), self.height(), (x, y), yaw, float(self.rng.uniform(0, 6))) for x, y, yaw in spots
         ]
 
-    def hung(self, wall: str, at: float, along: Sequence[float], sizes: Sequence[tuple[float, float]]) -> list[Group]:
-        """Pictures in a row on the wall named by axis and side ("+x"), whose face is at coordinate `at`."""
+    def hung(self, wall: str, face: float, along: Sequence[float], sizes: Sequence[tuple[float, float]]) -> list[Group]:
+        """Pictures in a row on the wall named by axis and side ("+x"), whose face is at coordinate `face`."""
         yaw = {"+x": math.pi, "-x": 0.0, "+y": -math.pi / 2, "-y": math.pi / 2}[wall]
         frames = [self.gold, self.dark_wood, self.metal]
         groups = []
         for k, (s, (width, height)) in enumerate(zip(along, sizes, strict=True)):
-            position = (at, s, 1.75) if wall[1] == "x" else (s, at, 1.75)
+            position = (face, s, 1.75) if wall[1] == "x" else (s, face, 1.75)
             groups.append(placed(picture(self.image(), frames[k % 3], width, height), position, yaw))
         return groups

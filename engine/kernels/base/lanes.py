@@ -195,7 +195,7 @@ def _largest(builder: Any, *vectors: Any) -> Any:
 
 @intrinsic
 def side_errors(
-    typingctx: Any, code: Any, a: Any, b: Any, own: Any, above: Any, below: Any, reach: Any, limit: Any, out: Any
+    typingctx: Any, code: Any, a: Any, b: Any, least: Any, above: Any, below: Any, reach: Any, limit: Any, out: Any
 ) -> Any:
     """Errors of the middles of sides between a and b, written to `out`; which exceed a limit (see
     `kernels.geometry.splits`).
@@ -204,12 +204,12 @@ def side_errors(
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        code, a, b, own = (_load(builder, address) for address in args[:4])
+        code, a, b, least = (_load(builder, address) for address in args[:4])
         above, below, reach, limit, out = args[4:]
         places = (beside(row, reach) for row in (above, below) for beside in (builder.sub, builder.add))
         children = _largest(builder, *(_load(builder, place) for place in places))
         error = _call(builder, "uadd.sat", _deviation(builder, code, a, b), children)
-        error = builder.or_(error, own)
+        error = builder.or_(error, least)
         store_vector(builder, error, out)
         return _word(builder, builder.icmp_unsigned(">", error, _all(builder, limit)))
 
@@ -218,7 +218,7 @@ def side_errors(
 
 @intrinsic
 def square_errors(
-    typingctx: Any, code: Any, reach_down: Any, reach: Any, falling: Any, own: Any, side: Any, lanes: Any,
+    typingctx: Any, code: Any, reach_down: Any, reach: Any, falling: Any, least: Any, side: Any, lanes: Any,
     limit: Any, out: Any,
 ) -> Any:  # fmt: skip
     """Errors of the middles of squares, written to `out`, 0 beside `lanes`; which of these exceed a limit.
@@ -228,7 +228,7 @@ def square_errors(
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        code_at, down, reach, falling, own_at, side, lanes, limit, out = args
+        code_at, down, reach, falling, least_errors, side, lanes, limit, out = args
 
         def around(place: Any, down_by: Any, right_by: Any) -> Any:
             for offset, steps in ((down, down_by), (reach, right_by)):
@@ -242,7 +242,7 @@ def square_errors(
             builder, around(side, -1, 0), around(side, 1, 0), around(side, 0, -1), around(side, 0, 1)
         )
         deviation = _deviation(builder, _load(builder, code_at), left, right)
-        error = builder.or_(_call(builder, "uadd.sat", deviation, children), _load(builder, own_at))
+        error = builder.or_(_call(builder, "uadd.sat", deviation, children), _load(builder, least_errors))
         error = builder.select(inside, error, _zero())
         store_vector(builder, error, out)
         return _word(builder, builder.icmp_unsigned(">", error, _all(builder, limit)))

@@ -31,13 +31,13 @@ def looks_through(row: F64, codes: int, x: float, y: float, z: float, delta: Del
 
     row: of a view table (`kernels.base.view_table`), codes: address of depth codes of its size.
     """
-    at, depth, margin = _image(row, x, y, z, delta)
-    if at < 0:
+    texel, depth, margin = _image(row, x, y, z, delta)
+    if texel < 0:
         return False
     limit = (1.0 / (depth + margin) - row[OFFSET]) / row[STEP]
     farther = 0
     for k in range(4):
-        code = load_u16(codes, at + (k & 1) + (k >> 1) * int(row[WIDTH]))
+        code = load_u16(codes, texel + (k & 1) + (k >> 1) * int(row[WIDTH]))
         farther += code < limit and not (code == 0 and row[INVALID] > 0.0)
     return farther >= texels
 
@@ -48,12 +48,12 @@ def shows(row: F64, codes: int, x: float, y: float, z: float, delta: Delta) -> b
 
     row and codes as in `looks_through`.
     """
-    at, depth, margin = _image(row, x, y, z, delta)
-    if at < 0:
+    texel, depth, margin = _image(row, x, y, z, delta)
+    if texel < 0:
         return False
     lowest, highest = 65535, 0
     for k in range(4):
-        code = load_u16(codes, at + (k & 1) + (k >> 1) * int(row[WIDTH]))
+        code = load_u16(codes, texel + (k & 1) + (k >> 1) * int(row[WIDTH]))
         lowest, highest = min(lowest, code), max(highest, code)
     if highest - lowest > row[EDGE] or (lowest == 0 and row[INVALID] > 0.0):
         return False

@@ -127,11 +127,11 @@ def _from_coarse(coarse: F32, j: int, i: int, y: float, cb: float, cr: float) ->
 @inlined
 def _relaxed(fine: F32, j: int, i: int) -> float:
     """The mean of a cell's four neighbours' codes, weighted by colour."""
-    own = fine[j, i]
+    cell = fine[j, i]
     a, b = fine[max(j - 1, 0), i], fine[min(j + 1, fine.shape[0] - 1), i]
     c, d = fine[j, max(i - 1, 0)], fine[j, min(i + 1, fine.shape[1] - 1)]
-    wa, wb = _spring(a, own[2], own[3], own[4]), _spring(b, own[2], own[3], own[4])
-    wc, wd = _spring(c, own[2], own[3], own[4]), _spring(d, own[2], own[3], own[4])
+    wa, wb = _spring(a, cell[2], cell[3], cell[4]), _spring(b, cell[2], cell[3], cell[4])
+    wc, wd = _spring(c, cell[2], cell[3], cell[4]), _spring(d, cell[2], cell[3], cell[4])
     return (wa * a[1] + wb * b[1] + wc * c[1] + wd * d[1]) / (wa + wb + wc + wd)
 
 

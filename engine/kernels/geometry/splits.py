@@ -52,7 +52,7 @@ EMPTY, PLAIN, MIXED = 0, 1, 2
 # Scratch rows: a block's codes and per vertex what its own pixel demands, then errors of middles and of centres. Beside
 # and round the latter there are only zeros, for children that lie in other blocks.
 _PITCH, _LEFT = 96, 16
-_CODES, _OWN, _MIDDLES, _CENTRES = 0, SIDE, 2 * SIDE, 3 * SIDE + 8
+_CODES, _LEAST, _MIDDLES, _CENTRES = 0, SIDE, 2 * SIDE, 3 * SIDE + 8
 _ROWS = 4 * SIDE + 16
 _PITCH_BYTES = 2 * _PITCH
 _INFINITE = 65535
@@ -77,37 +77,37 @@ def _reaches_out(x: int, y: int, last_x: int, last_y: int) -> bool:
 def _load_block(codes: U16, flags: U8, x0: int, y0: int, limit: int, scratch: U16) -> int:
     """Copy a block's codes and what they demand to the scratch rows; returns what is known of its pixels."""
     h, w = codes.shape
-    at_codes = scratch.ctypes.data + 2 * (_LEFT + _PITCH * _CODES)
-    at_own = scratch.ctypes.data + 2 * (_LEFT + _PITCH * _OWN)
+    codes_row = scratch.ctypes.data + 2 * (_LEFT + _PITCH * _CODES)
+    least_row = scratch.ctypes.data + 2 * (_LEFT + _PITCH * _LEAST)
     broken, kept = 0, 0
     if x0 + BLOCK < w and y0 + BLOCK < h and (y0 + BLOCK) * w + x0 + lanes.LANES <= h * w:
         for y in range(SIDE):
-            at = (y0 + y) * w + x0
-            lanes.move(codes.ctypes.data + 2 * at, at_codes + _PITCH_BYTES * y)
-            word = lanes.bits_of(flags.ctypes.data + at, BROKEN)
-            lanes.mark(word, at_own + _PITCH_BYTES * y)
+            first = (y0 + y) * w + x0
+            lanes.move(codes.ctypes.data + 2 * first, codes_row + _PITCH_BYTES * y)
+            word = lanes.bits_of(flags.ctypes.data + first, BROKEN)
+            lanes.mark(word, least_row + _PITCH_BYTES * y)
             broken |= word
-            kept |= lanes.bits_of(flags.ctypes.data + at, KEPT)
+            kept |= lanes.bits_of(flags.ctypes.data + first, KEPT)
         if kept & _COLUMNS == 0:
             return EMPTY
         return MIXED if broken & _COLUMNS else PLAIN  # where the mask changes, pixels are broken
-    some = 0
+    seen = 0
     for y in range(SIDE):
         for x in range(SIDE):
             py, px = min(y0 + y, h - 1), min(x0 + x, limit) % w
             flag = flags[py, px]
-            own = flag & BROKEN or _reaches_out(x, y, limit - x0, h - 1 - y0)
+            is_single = flag & BROKEN or _reaches_out(x, y, limit - x0, h - 1 - y0)
             scratch[_CODES + y, _LEFT + x] = codes[py, px]
-            scratch[_OWN + y, _LEFT + x] = _INFINITE if own else 0
-            some |= flag
-    return MIXED if some & KEPT else EMPTY
+            scratch[_LEAST + y, _LEFT + x] = _INFINITE if is_single else 0
+            seen |= flag
+    return MIXED if seen & KEPT else EMPTY
 
 
 @serial
 def _split_block(scratch: U16, tolerance: int, largest: int, parity: int, splits: I64) -> None:
     """The splits that a block by itself wants, from its scratch rows; see `split_blocks`."""
     start = scratch.ctypes.data + 2 * _LEFT
-    codes, own = start + _PITCH_BYTES * _CODES, start + _PITCH_BYTES * _OWN
+    codes, least = start + _PITCH_BYTES * _CODES, start + _PITCH_BYTES * _LEAST
     middles, centres = start + _PITCH_BYTES * _MIDDLES, start + _PITCH_BYTES * _CENTRES
     splits[:SIDE] = 0
     s = 1
@@ -117,22 +117,22 @@ def _split_block(scratch: U16, tolerance: int, largest: int, parity: int, splits
         for y in range(0, SIDE, s):
             along = (y // s) % 2 == 0  # sides that lie in the row
             step = across if along else down
-            at = y * _PITCH_BYTES
-            children = centres + at - s // 2 * _PITCH_BYTES, centres + at + s // 2 * _PITCH_BYTES
+            row = y * _PITCH_BYTES
+            children = centres + row - s // 2 * _PITCH_BYTES, centres + row + s // 2 * _PITCH_BYTES
             if s == 1:
                 children = centres - 8 * _PITCH_BYTES, centres - 8 * _PITCH_BYTES
             word = lanes.side_errors(
-                codes + at, codes + at - step, codes + at + step, own + at, children[0], children[1], reach,
-                tolerance, middles + at,
+                codes + row, codes + row - step, codes + row + step, least + row, children[0], children[1], reach,
+                tolerance, middles + row,
             )  # fmt: skip
             splits[y] |= (word | forced) & (ODD[s] if along else EVEN[s])
         for y in range(s, SIDE, 2 * s):
-            at = y * _PITCH_BYTES
+            row = y * _PITCH_BYTES
             falling = ODD[2 * s] >> s  # squares in even columns
             if (y // (2 * s) + (parity if 2 * s == BLOCK else 0)) % 2 == 1:
                 falling = ~falling
             word = lanes.square_errors(
-                codes + at, down, across, falling, own + at, middles + at, ODD[s], tolerance, centres + at
+                codes + row, down, across, falling, least + row, middles + row, ODD[s], tolerance, centres + row
             )
             splits[y] |= (word | forced) & ODD[s]
         s *= 2
@@ -150,10 +150,10 @@ def _column(splits: I64, x: int) -> int:
 @serial
 def _note_columns(splits: I64, last: int) -> None:
     """Set the last two words; `last` is the number of the last column."""
-    some = 0
+    any_split = 0
     for y in range(SIDE):
-        some |= splits[y]
-    splits[_FIRST], splits[_LAST] = (_column(splits, 0), _column(splits, last)) if some else (0, 0)
+        any_split |= splits[y]
+    splits[_FIRST], splits[_LAST] = (_column(splits, 0), _column(splits, last)) if any_split else (0, 0)
 
 
 @inlined

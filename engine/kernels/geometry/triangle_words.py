@@ -79,11 +79,11 @@ def read_flags(flags: U8, x0: int, y0: int, wraps: bool, state: int, bits: I64) 
         return
     if x0 + BLOCK < w and y0 + BLOCK < h and (y0 + BLOCK) * w + x0 + lanes.LANES <= h * w:
         for y in range(SIDE):
-            at = flags.ctypes.data + (y0 + y) * w + x0
-            bits[RIGHT_WORD, y] = lanes.bits_of(at, CUT_RIGHT) & _ALL
-            bits[DOWN_WORD, y] = lanes.bits_of(at, CUT_DOWN) & _ALL
-            bits[KEPT_WORD, y] = lanes.bits_of(at, KEPT) & _ALL
-            bits[VALID_WORD, y] = lanes.bits_of(at, VALID) & _ALL
+            address = flags.ctypes.data + (y0 + y) * w + x0
+            bits[RIGHT_WORD, y] = lanes.bits_of(address, CUT_RIGHT) & _ALL
+            bits[DOWN_WORD, y] = lanes.bits_of(address, CUT_DOWN) & _ALL
+            bits[KEPT_WORD, y] = lanes.bits_of(address, KEPT) & _ALL
+            bits[VALID_WORD, y] = lanes.bits_of(address, VALID) & _ALL
         return
     bits[:] = 0
     limit = w if wraps else w - 1

@@ -111,12 +111,12 @@ def _transform(points: F32, first: int, last: int, camera: F64, screen: F32) -> 
 @inlined_late
 def _is_nearer(screen: int, i: int, among: Mask, disparity: int, width: int, height: int, margin: float) -> Mask:
     """Of sixteen points from i on: see `place_points`."""
-    at = (to_integers(lane_numbers()) << 2) + 4 * i
-    u, v = gather_floats(screen, at, among), gather_floats(screen, at + 1, among)
+    fields = (to_integers(lane_numbers()) << 2) + 4 * i
+    u, v = gather_floats(screen, fields, among), gather_floats(screen, fields + 1, among)
     inside = among & (u >= 0.0) & (v >= 0.0) & (u < np.float32(width)) & (v < np.float32(height))
     pixel = to_integers(v) * width + to_integers(u)
     drawn = gather_floats(disparity, pixel, inside)
-    return ~inside | (drawn <= 0.0) | (gather_floats(screen, at + 2, among) > drawn + np.float32(margin))
+    return ~inside | (drawn <= 0.0) | (gather_floats(screen, fields + 2, among) > drawn + np.float32(margin))
 
 
 @serial

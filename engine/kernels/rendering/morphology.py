@@ -55,10 +55,10 @@ def mark_steps(disparity: F32, step: float, marks: U8, found: U8) -> None:
                 before, beyond = q[max(x - 1, 0) :], q[min(x + 2, w - 1) :]
                 _mark_row(before, q[x:], q[x + 1 :], beyond, least, right, out[x : x + 1])
         for j in range(found.shape[1]):
-            some = np.uint8(0)
+            marked = np.uint8(0)
             for x in range(j * SPAN, min((j + 1) * SPAN, w)):
-                some |= out[x]
-            found[y, j] = some
+                marked |= out[x]
+            found[y, j] = marked
 
 
 @inlined

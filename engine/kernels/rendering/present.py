@@ -30,13 +30,13 @@ def present_depth(row: F64, codes: int, camera: F64, x: int, y: int, depth: floa
     width, height = int(row[WIDTH]), int(row[HEIGHT])
     for _ in range(_STEPS):
         px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, depth)
-        u, v, there = project_point(row, px, py, pz)
-        if not (there > 0.0 and u >= 0.5 and v >= 0.5 and u < width - 0.5 and v < height - 0.5):
+        u, v, depth_in_view = project_point(row, px, py, pz)
+        if not (depth_in_view > 0.0 and u >= 0.5 and v >= 0.5 and u < width - 0.5 and v < height - 0.5):
             return 0.0
         left, top = int(u - 0.5), int(v - 0.5)
-        fx, fy, at = u - 0.5 - left, v - 0.5 - top, top * width + left
-        a, b = load_u16(codes, at), load_u16(codes, at + 1)
-        c, d = load_u16(codes, at + width), load_u16(codes, at + width + 1)
+        fx, fy, texel = u - 0.5 - left, v - 0.5 - top, top * width + left
+        a, b = load_u16(codes, texel), load_u16(codes, texel + 1)
+        c, d = load_u16(codes, texel + width), load_u16(codes, texel + width + 1)
         low, high = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
         if low == 0 and row[INVALID] > 0.0:
             return 0.0
@@ -46,6 +46,6 @@ def present_depth(row: F64, codes: int, camera: F64, x: int, y: int, depth: floa
         _u, _v, depth = project_point(camera, sx, sy, sz)
         if not depth > 0.0:
             return 0.0
-        if one and abs((1.0 / there - row[OFFSET]) / row[STEP] - code) <= _CROSSES * row[TOLERANCE]:
+        if one and abs((1.0 / depth_in_view - row[OFFSET]) / row[STEP] - code) <= _CROSSES * row[TOLERANCE]:
             return depth
     return 0.0

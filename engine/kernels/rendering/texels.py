@@ -61,8 +61,8 @@ def pairs_at(
     pair = gather_halves(address, index, mask)
     left, right = pair & 0xFFFF, pair >> 16
     if crosses:
-        round_ = gather_halves(address, index - (width - 2), mask & seam) & 0xFFFF
-        left, right = select(seam, right, left), select(seam, round_, right)
+        first_of_row = gather_halves(address, index - (width - 2), mask & seam) & 0xFFFF
+        left, right = select(seam, right, left), select(seam, first_of_row, right)
     return left, right
 
 

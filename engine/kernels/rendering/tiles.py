@@ -18,10 +18,10 @@ SILHOUETTE, HOLE = 1, 2  # marks of tiles (`mark_open_tiles`)
 def _by_tile(found: U8, tiles: U8) -> None:
     """tiles [ceil(w / TILE)]: what was found in a tile's columns of found [w]."""
     for i in range(tiles.shape[0]):
-        some = np.uint8(0)
+        marks = np.uint8(0)
         for x in range(TILE * i, min(TILE * (i + 1), found.shape[0])):
-            some |= found[x]
-        tiles[i] = some
+            marks |= found[x]
+        tiles[i] = marks
 
 
 @serial
