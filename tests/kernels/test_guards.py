@@ -248,7 +248,8 @@ COVERED = {
 # What only kernels of these files call.
 INSIDE = {
     "background/rays": (
-        "background/captures", "background/culling", "background/hidden", "background/pbi", "background/triangle_filter",
+        "background/captures", "background/culling", "background/hidden", "background/pbi",
+        "background/triangle_filter",
     ),
     "background/standing": ("background/hidden", "background/pbi"),
     "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangle_words"),
