@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..geometry.mesh import Mesh
 from ..kernels.background.directions import COLUMNS, ROWS, forget_marks, note_directions
-from ..kernels.background.surfaces import Triangles
 from ..kernels.base.tolerance import Delta
-from .pbs import Surface
+from .surface import Surface
 
 __all__ = ["ChangedDirections"]
 
@@ -17,24 +15,25 @@ __all__ = ["ChangedDirections"]
 class ChangedDirections:
     """The directions from each camera in which there is new geometry since its last turn, and how far away.
 
-    packed [n, CAMERA_SIZE]: the cameras as kernels take them, read when they are needed.
+    packed [n, CAMERA_SIZE]: the cameras as kernels take them, read when they are needed; cells float32 [n, ROWS,
+    COLUMNS]: how far away there is new geometry, metres, 0: there is none.
     """
 
     def __init__(self, packed: npt.NDArray[np.float64]) -> None:
         self._packed = packed
-        self._cells = np.zeros((len(packed), ROWS, COLUMNS), np.float32)  # metres; 0: none
+        self.cells = np.zeros((len(packed), ROWS, COLUMNS), np.float32)
 
-    def add(self, mesh: Mesh, which: npt.NDArray[np.int64]) -> None:
-        """Triangles of a mesh are new, or elsewhere."""
-        note_directions(self._packed, Triangles(mesh.points, mesh.uv, mesh.triangles), which, self._cells)
+    def add(self, surface: Surface, which: npt.NDArray[np.int64]) -> None:
+        """Triangles of a surface are new, or elsewhere."""
+        note_directions(self._packed, surface.packed, which, self.cells)
 
     def add_all(self) -> None:
         """All geometry may be elsewhere."""
-        self._cells[:] = np.inf
+        self.cells[:] = np.inf
 
     def forget(self, camera: int, surfaces: list[Surface], delta: Delta) -> None:
         """A camera's turn: takes its marks from what has changes behind it, by delta / 2, and forgets these."""
-        cells, word, bit = self._cells[camera], camera // 64, np.uint64(1 << (camera % 64))
+        cells, word, bit = self.cells[camera], camera // 64, np.uint64(1 << (camera % 64))
         if cells.any():
             for surface in surfaces:
                 forget_marks(self._packed[camera], surface.packed, cells, delta, surface.marks, word, bit)

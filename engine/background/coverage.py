@@ -1,4 +1,4 @@
-"""Which views build the S-PBS, and which of their pixels (section 3.3.2)."""
+"""Coverage selection: which views build the S-PBS; and the farther-only test: which of their pixels (section 3.3.2)."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def choose_views(views: Sequence[View], count: int) -> list[int]:
     return chosen
 
 
-class _Taken(NamedTuple):
+class _Added(NamedTuple):
     view: kernels.DepthView
     coding: Coding
     edge: float  # in codes
 
 
 class Coverage:
-    """The surfaces that the views taken up to now show.
+    """The surfaces that the views added up to now show.
 
     `delta`: how much nearer a surface may be that is taken as one with another; positions are relative to `origin`,
     metres.
@@ -55,10 +55,11 @@ class Coverage:
 
     def __init__(self, delta: Delta, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> None:
         self._delta, self._origin = delta, origin
-        self._taken: list[_Taken] = []
+        self._added: list[_Added] = []
 
-    def take(self, view: View, edge: float) -> npt.NDArray[np.uint8]:  # [h, w]
-        """1 where the view shows a surface that no view before shows, nor anything about as far or farther there.
+    def keep_farther(self, view: View, edge: float) -> npt.NDArray[np.uint8]:  # [h, w]
+        """Adds a view; 1 where it shows a surface that no view before shows, nor anything about as far or farther there
+        (the paper asks the three corners of a triangle, here each pixel is asked).
 
         `edge`: the disparity step between neighbouring pixels that is a depth edge, 1/m.
         """
@@ -67,9 +68,9 @@ class Coverage:
         smooth = np.empty(blocks, np.uint8)
         kernels.mark_smooth(codes, coding, self._delta, smooth)
         depth = kernels.DepthView(codes, view.camera.packed(self._origin), smooth)
-        new = _Taken(depth, coding, edge / coding.step)
+        new = _Added(depth, coding, edge / coding.step)
         keep = np.ones(codes.shape, np.uint8)
-        for old in self._taken:
+        for old in self._added:
             kernels.keep_farther(depth, coding, *old, self._delta, keep)
-        self._taken.append(new)
+        self._added.append(new)
         return keep

@@ -1,10 +1,19 @@
-"""Foreground culling: what no camera's rays from outside the scene find is not background (section 3.3.2).
+"""Foreground culling: what no camera's rays from outside the scene find is not background (section 3.3.2, Fig. 5).
+
+There are two ways to cast these rays.
+
+- By triangle, the default (`Settings.culling_stride` 0; `RayTracer.mark_by_triangle`): rays through points of the
+  triangles that have no mark yet. It is the same question, asked from the triangle's side, with far fewer rays. Here
+  the delta of the complementary ray is the room in which nothing counts as being behind a triangle.
+- By pixel, the paper's (`culling_stride` 1; `RayTracer.mark_by_pixel`): two rays for each pixel of the reference
+  cameras, each followed by a *complementary ray* (Fig. 6a) from delta / 2 before the closest hit to delta / 2 behind
+  it, that marks all it meets. Triangles without a mark after that are still asked by triangle, as rays by pixel miss
+  some of the triangles that are smaller than a pixel; not so with `Settings.rays_by_triangle` False, as in the paper.
 
 Each camera owns one bit of every triangle's marks. In its turn the bit is taken away everywhere, and leaves those of
 the others: with a group of cameras a frame, a triangle stays until every camera has had its turn without finding it.
-Bits are set by rays through a grid of the camera's pixels, as in the paper, or only by rays through points of the
-triangles that have no other mark: the same question, asked from the triangle's side, with far fewer rays. A triangle
-of the S-PBS that was flagged stays flagged, as in the paper: rays no longer see it, so that none can mark it again.
+A triangle of the S-PBS that was flagged stays flagged, as in the paper: rays no longer see it, so that none can mark it
+again.
 """
 
 from __future__ import annotations
@@ -13,40 +22,73 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from ..geometry.embree import MarkQuery
-from ..kernels.background.culling import list_unmarked, mark_by_pixel, mark_by_triangle
+from ..kernels.background.culling import list_unmarked
 from ..kernels.base.tolerance import Delta
-from ..support.array_types import F64
+from ..settings import Settings
+from ..support.array_types import F64, I64
+from .changed_directions import ChangedDirections
 from .pbs import ProbableBackgroundSurface, Surface
+from .reference_cameras import ReferenceCameras
+from .report import UpdateReport
 
-__all__ = ["Unmarked", "clear_marks", "cull_unmarked", "mark_background", "mark_missed"]
-
-
-_RUN = 64  # neighbouring triangles that begin with the same camera
+__all__ = [
+    "ForegroundCulling", "Unmarked", "clear_marks", "cull_unmarked", "mark_missed", "mark_pixels",
+]  # fmt: skip
 
 
 class Unmarked(NamedTuple):
     """Valid triangles (numbers [n]) of a surface that have no mark."""
 
     surface: Surface
-    triangles: npt.NDArray[np.int64]
+    triangles: I64
 
 
-def mark_background(
-    pbs: ProbableBackgroundSurface, camera: int, packed: F64, stride: int, delta: Delta
-) -> int:
-    """Casts a camera's culling rays and renews its marks; returns the number of rays.
+class ForegroundCulling:
+    """Renews reference cameras' marks, where something has changed, and flags what no camera's marks are left on.
+
+    The settings say how rays are cast, see the module. changed: where geometry is new since each camera's last rays;
+    cast_version: the PBS' version at each camera's last rays.
+    """
+
+    def __init__(self, pbs: ProbableBackgroundSurface, cameras: ReferenceCameras, settings: Settings) -> None:
+        self._pbs, self._cameras = pbs, cameras
+        self._stride, self._by_triangle = settings.culling_stride, settings.rays_by_triangle
+        self.changed = ChangedDirections(cameras.packed)
+        self.cast_version = [-1] * len(cameras)
+
+    def due(self, group: Sequence[int]) -> list[int]:
+        """The cameras of a group that may find something else than at their last rays."""
+        return [c for c in group if self.cast_version[c] != self._pbs.version]
+
+    def note_cast(self) -> None:
+        """No camera would find anything else now."""
+        self.cast_version = [self._pbs.version] * len(self._cameras)
+
+    def cull(self, group: Sequence[int], delta: Delta, report: UpdateReport, *, share: bool = False) -> None:
+        """Renews the marks of a group of cameras, and culls. With `share` the cameras start on other triangles each,
+        which evens out their turns."""
+        for c in group:
+            self.cast_version[c] = self._pbs.version
+            self.changed.forget(c, list(self._pbs.surfaces()), delta)
+            if self._stride:
+                report.rays += mark_pixels(self._pbs, c, self._cameras.packed[c], self._stride, delta)
+        unmarked = None
+        if self._by_triangle:
+            order = [*group, *(c for c in self._cameras.fixed() if c not in group)]
+            rays, unmarked = mark_missed(self._pbs, order, self._cameras.packed, delta, share=share)
+            report.rays += rays
+        report.culled += cull_unmarked(self._pbs, unmarked)
+
+
+def mark_pixels(pbs: ProbableBackgroundSurface, camera: int, packed: F64, stride: int, delta: Delta) -> int:
+    """Renews a camera's marks by rays through its pixels, the paper's way; returns the number of rays.
 
     Two rays for every stride-th pixel both ways; each that hits is followed by a complementary one. `packed` is
     the camera as kernels take it.
     """
-    word, bit = camera // 64, np.uint64(1 << (camera % 64))
     clear_marks(pbs, camera)
-    query = MarkQuery(pbs.marks_table, word, int(bit))
-    marks = pbs.marks_table
-    return int(mark_by_pixel(pbs.tracer, query.address, packed, stride, delta, marks, word, bit.astype(np.int64)))
+    return pbs.tracer.mark_by_pixel(camera, packed, stride, delta)
 
 
 def clear_marks(pbs: ProbableBackgroundSurface, camera: int) -> None:
@@ -64,27 +106,24 @@ def mark_missed(
 
     Rays go through points of the triangles, and only as far as there could be something behind them: an error-bounded
     mesh has triangles smaller than any stride, and far fewer triangles than pictures have pixels. With one mark each,
-    triangles are looked at again in that camera's next turn, not in every one. `packed`: [all cameras, CAMERA_SIZE];
-    with `share` the cameras start on other triangles each, which evens out their turns.
+    triangles are looked at again in that camera's next turn, not in every one. `packed`: [all cameras, CAMERA_SIZE].
     """
     order, rays, left = np.array(cameras, np.int64), 0, []
     for surface, missed in _list_unmarked(pbs):
         if len(missed) and len(order):
-            run = _RUN if share else 0
-            rays += mark_by_triangle(
-                pbs.tracer, packed, order, run, surface.packed, missed, delta, surface.marks
-            )
+            rays += pbs.tracer.mark_by_triangle(packed, order, surface, missed, delta, share=share)
             missed = missed[(surface.marks[missed] == 0).all(axis=1)]
         left.append(Unmarked(surface, missed))
-    return int(rays), left
+    return rays, left
 
 
 def cull_unmarked(pbs: ProbableBackgroundSurface, unmarked: Sequence[Unmarked] | None = None) -> int:
     """Flags as invalid what no camera has marked; returns how many triangles were valid before. `unmarked`: which, if
     known."""
     known = _list_unmarked(pbs) if unmarked is None else unmarked
-    for surface, triangles in known:
-        surface.invalid[triangles] = 1
+    with pbs.lock:
+        for surface, triangles in known:
+            surface.invalid[triangles] = 1
     return sum(len(triangles) for _surface, triangles in known)
 
 

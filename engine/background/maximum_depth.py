@@ -55,11 +55,13 @@ class MaximumDepthImage:
 
     def compare_by(self, tolerances: Tolerances) -> None:
         """Sets what a nontrivial amount is."""
-        coding = self.camera.depth
-        margins = tolerances.margin_m, tolerances.margin_disparity(coding)
-        edge = self._edge if self._refine else coding.max_code  # which no neighbour is nearer by
-        self._rules = _comparison(coding, *margins, edge)
+        self._compare_by(tolerances.margin_m, tolerances.margin_disparity(self.camera.depth))
         mark_provisional(self.codes, self._rules, self.flags)
+
+    def _compare_by(self, margin_m: float, margin_disparity: float) -> None:
+        coding = self.camera.depth
+        edge = self._edge if self._refine else coding.max_code  # which no neighbour is nearer by
+        self._rules = _comparison(coding, margin_m, margin_disparity, edge)
 
     def update(self, view: View, tone: npt.ArrayLike = IDENTITY, *, whole: bool = True) -> int:
         """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels.

@@ -1,4 +1,4 @@
-"""Probable background images: whom they are made for, and from where (section 3.4.1)."""
+"""Probable background images (section 3.4.1): the imaginary camera that they are seen by, and their rendering."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ import numpy.typing as npt
 
 from ..geometry.prepared_view import PreparedView, ViewTable
 from ..kernels.background.uncovered import CELL, mark_uncovered
+from ..kernels.base.tolerance import Delta
 from ..rig.camera import Camera, Equirectangular, Perspective
 from ..rig.depth import DepthCoding
-from ..rig.frame import View
+from ..rig.frame import Texture, View
 from ..rig.viewer import StereoView
+from .capture import Captures, Present
+from .pbs import ProbableBackgroundSurface
 
-__all__ = ["MARGIN_RAD", "BackgroundImage", "enlarged", "imaginary_camera", "uncovered_cells"]
+__all__ = ["MARGIN_RAD", "BackgroundImage", "enlarged", "imaginary_camera", "render_pbi", "uncovered_cells"]
 
 MARGIN_RAD = math.radians(3.0)  # what a head turns by until the next PBI: 90 degrees a second at 30 Hz
 _WIDEST = math.tan(math.radians(80.0))  # a frustum is not widened beyond this
@@ -78,6 +81,30 @@ def uncovered_cells(
     table = ViewTable(views, drawn=len(views))
     mark_uncovered(table.rows, table.addresses, camera.packed(origin), reach_m, wanted)
     return wanted
+
+
+def render_pbi(
+    pbs: ProbableBackgroundSurface, captures: Captures, camera: Camera, origin: npt.ArrayLike, present: Present,
+    delta: Delta, *, sparse: bool = True, wanted: npt.NDArray[np.uint8] | None = None,
+) -> BackgroundImage:  # fmt: skip
+    """The PBS as a camera sees it, in the colours of the captures that it stems from; code 0 where it has holes.
+
+    Shown is the farthest surface, or the nearest that stands (see `capture.Present`). origin: the scene's, metres in
+    the world. `sparse`: between every second pixel rays are cast only where these do not see one plane; else
+    everywhere. `wanted` (`uncovered_cells`): only there; all else is left as holes. Raises ValueError where the
+    camera's depth coding has no invalid code.
+    """
+    if not camera.depth.has_invalid:
+        raise ValueError(f"camera {camera.name}: depth coding {camera.depth}: expected one with invalid codes")
+    h, w = camera.height, camera.width
+    chroma = ((h + 1) // 2, (w + 1) // 2)
+    texture = Texture(*(np.empty(shape, np.uint16) for shape in ((h, w), chroma, chroma)))
+    view = View(camera, texture, np.empty((h, w), np.uint16))
+    cells = np.empty((0, 0), np.uint8) if wanted is None else wanted
+    rays = pbs.tracer.render_pbi(
+        view, camera.packed(origin), captures, present, delta, sparse=sparse, wanted=cells
+    )
+    return BackgroundImage(view, rays)
 
 
 def _wider_sphere(projection: Equirectangular, scale: float, margin_rad: float) -> Equirectangular:

@@ -14,11 +14,11 @@ import numpy.typing as npt
 from ..kernels.base.tolerance import Delta
 from ..rig.camera import Camera
 from ..rig.depth import DepthCoding
-from ..rig.frame import View
+from ..rig.frame import Frame, View
 from ..settings import Settings
 from ..support.array_types import F64, U16
 
-__all__ = ["Tolerances", "sampled_disparity", "scene_tolerances", "with_noise"]
+__all__ = ["FollowedTolerances", "Tolerances", "sampled_disparity", "scene_tolerances", "with_noise"]
 
 
 # Two surfaces closer than this share of the typical depth are taken as one: calibration and estimation of depth are off
@@ -40,6 +40,7 @@ _DELTA_DEVIATIONS = 8.0
 # Of a mean of many frames and one more only this much is a change: with 3, one pixel in a hundred would be replaced
 # by a stray one every ten frames.
 _MARGIN_DEVIATIONS = 4.0
+_NOISE_FRAMES = (1, 2, 4, 8, 16, 32)  # after the first: when noise is measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +75,39 @@ class Tolerances:
     def margin_disparity(self, coding: DepthCoding) -> float:
         """The least nontrivial amount in a camera's disparities, 1/m."""
         return max(_MARGIN_STEPS * coding.step, _MARGIN_DEVIATIONS * self.noise)
+
+
+class FollowedTolerances:
+    """The tolerances of a scene, which follow from its first frames.
+
+    first: samples of the first frame's disparities by reference camera; frames: how many came after it.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.now = Tolerances(0.0, 0.0)
+        self.first: list[F64] = []
+        self.frames = 0
+        self._settings = settings
+
+    def start(self, views: Sequence[View]) -> Tolerances:
+        """Those of the first frame; raises ValueError where it has no valid depth."""
+        self.now = scene_tolerances(views, self._settings)
+        self.first = [sampled_disparity(view.camera, view.codes) for view in views]
+        return self.now
+
+    def follow(self, frame: Frame, fixed: Sequence[int]) -> bool:
+        """Frames after the first tell how much depth flickers, as the cameras that have not moved see it; whether more
+        noise is allowed for than before."""
+        self.frames += 1
+        if self.frames not in _NOISE_FRAMES or not self._settings.refine:
+            return False
+        known, first = self.now, [self.first[c] for c in fixed]
+        self.now = with_noise(known, first, [frame.views[c] for c in fixed], self._settings)
+        return self.now.noise > known.noise
+
+    def replace(self, camera: int, view: View) -> None:
+        """A camera stands elsewhere: its flicker is measured against what it sees there."""
+        self.first[camera] = sampled_disparity(view.camera, view.codes)
 
 
 def scene_tolerances(views: Sequence[View], settings: Settings) -> Tolerances:

@@ -11,13 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ..geometry.mesh import Mesh
-from ..kernels.background.hidden import CELL, flag_unseen, mark_seen, spread_seen
-from ..kernels.background.standing import Present
+from ..kernels.background.hidden import CELL, flag_unseen, spread_seen
 from ..kernels.base.tolerance import Delta
 from ..rig.camera import Camera, Equirectangular, Pose
 from ..rig.depth import DepthCoding
 from ..support.array_types import F64
+from .capture import Captures, Present
 from .pbs import ProbableBackgroundSurface, Surface
+from .report import UpdateReport
 
 __all__ = ["ViewingSpace", "flag_hidden"]
 
@@ -68,34 +69,33 @@ class ViewingSpace:
 
 
 def flag_hidden(
-    space: ViewingSpace, pbs: ProbableBackgroundSurface, surfaces: Sequence[tuple[Camera, Surface]],
-    present: Present, delta: Delta,
-) -> tuple[int, int]:  # fmt: skip
-    """Flags triangles of surfaces (each with the camera that it stems from) as invalid that other background hides
-    from all of the space; returns how many, and the rays cast.
+    space: ViewingSpace, pbs: ProbableBackgroundSurface, surfaces: Sequence[Surface], captures: Captures,
+    present: Present, delta: Delta, report: UpdateReport,
+) -> None:  # fmt: skip
+    """Flags triangles of surfaces as invalid that other background hides from all of the space, and reports them.
+    captures: those that the surfaces stem from.
 
-    A triangle stays where one of the space's eyes is shown (`kernels.background.standing`, with its present and
-    delta) one of some points of it, or what lies less than delta before it; and so does what lies within CELL to 2
-    CELL pixels of it in its picture. This is a sampled answer. Wrongly lost may be what heads between the eyes see
-    through a gap narrower than that, farther from the gap's sides than those pixels; and what is hidden now by
-    something that is taken for background and will go away, where the views do not show it then: holes in the
+    A triangle stays where one of the space's eyes is shown (see `capture.Present`) one of some points of it, or what
+    lies less than delta before it; and so does what lies within CELL to 2 CELL pixels of it in its picture. This is a
+    sampled answer. Wrongly lost may be what heads between the eyes see through a gap narrower than that, farther from
+    the gap's sides than those pixels; and what is hidden now by something that is taken for background and will go
+    away, where the views do not show it then: holes in the
     background. And what is not kept cannot show, behind something new, that this is foreground.
     """
-    eyes, rays, hidden, found = space.eyes(), 0, 0, []
-    for camera, surface in surfaces:
+    eyes, found = space.eyes(), []
+    for surface in surfaces:
+        camera = captures[surface.capture].image.camera
         seen = np.zeros(len(surface.invalid), np.uint8)
         wraps = camera.wraps
         cells = np.zeros((math.ceil(camera.height / CELL), math.ceil(camera.width / CELL)), np.uint8)
         for some in (eyes[::_FEW], eyes):  # few see most, and what is beside need not be asked for
-            rays += mark_seen(
-                pbs.tracer, some, surface.packed, surface.invalid, pbs.surface_table, present, delta, wraps, cells,
-                seen,
-            )  # fmt: skip
+            report.rays += pbs.tracer.mark_seen(some, surface, present, delta, wraps, cells, seen)
             spread_seen(surface.mesh.uv, surface.mesh.triangles, seen, wraps, cells)
         found.append((surface, wraps, cells))
-    for surface, wraps, cells in found:  # only now: what is hidden still hides
-        hidden += flag_unseen(surface.mesh.uv, surface.mesh.triangles, wraps, cells, surface.invalid)
-    return int(hidden), int(rays)
+    with pbs.lock:
+        for surface, wraps, cells in found:  # only now: what is hidden still hides
+            mesh = surface.mesh
+            report.hidden += int(flag_unseen(mesh.uv, mesh.triangles, wraps, cells, surface.invalid))
 
 
 def _icosahedron() -> F64:  # [12, 3]

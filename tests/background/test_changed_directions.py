@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from farside.engine.background.changed_directions import ChangedDirections
 from farside.engine.background.model import BackgroundModel
-from farside.engine.background.pbs import Surface
+from farside.engine.background.surface import Surface
 from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.rig.camera import Camera, Perspective, Pose
@@ -49,9 +49,9 @@ def test_all_marks_before_new_triangles_are_taken_and_few_others(size, most):
     rng = np.random.default_rng(0)
     mesh, new = triangles_around(rng, 600, size), triangles_around(rng, 40, size)
     marks = np.full((600, 2), 3, np.uint64)
-    surface = Surface(mesh, marks, np.zeros(600, np.uint8))
+    surface = Surface(mesh, marks, np.zeros(600, np.uint8), 0, 0)
     changed = ChangedDirections(packed_eyes())
-    changed.add(new, np.arange(40))
+    changed.add(Surface.new(new, 1, 1, 1), np.arange(40))
     changed.forget(1, [surface], (DELTA, 0.0))
     corners, others = mesh.points.astype(float).reshape(-1, 3, 3), new.points.astype(float).reshape(-1, 3, 3)
     met = np.array([any(lies_behind(EYES[1], one, other) for other in others) for one in corners])
@@ -72,7 +72,7 @@ def test_when_all_may_have_moved_all_marks_are_taken():
     mesh = triangles_around(np.random.default_rng(1), 50, 0.2)
     changed = ChangedDirections(packed_eyes())
     changed.add_all()
-    changed.forget(0, [Surface(mesh, marks, np.zeros(50, np.uint8))], (DELTA, 0.0))
+    changed.forget(0, [Surface(mesh, marks, np.zeros(50, np.uint8), 0, 0)], (DELTA, 0.0))
     assert not marks.any()
 
 

@@ -8,6 +8,7 @@ import pytest
 import trimesh
 from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbi import enlarged, imaginary_camera
+from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.io.mesh_files import ColouredMesh, srgb_from_ycbcr, to_glb, to_ply
 from farside.engine.kernels.background.uncovered import CELL
@@ -16,7 +17,7 @@ from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Frame, View
 from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
-from support.rooms import CODING, WALL_X, WALL_Y, camera_row, frame, see, texture_of
+from support.rooms import BOX_X, CODING, WALL_X, WALL_Y, camera_row, frame, see, texture_of
 
 HEAD = Pose.from_euler((0.2, -0.1, 0.3), 0.5, -0.2, 0.1)
 EYES = {
@@ -209,3 +210,24 @@ def test_only_wanted_cells_are_made():
     for found, expected in ((part.view.codes, everything.view.codes), (part.view.texture.y, everything.view.texture.y)):
         assert np.mean(np.abs(found.astype(int) - expected)[made] > 2) < 0.005
     assert part.rays < 0.9 * everything.rays
+
+
+@pytest.mark.parametrize("standing", [False, True])
+def test_what_lies_between_the_imaginary_camera_and_the_eyes_is_not_shown(standing):
+    """Someone who stands before the wall is in the model, and nearer than where the picture begins."""
+    cameras = camera_row()
+    first = frame(0, cameras, box_y=0.0)
+    model = model_of(cameras, first)
+    scene, settings = model._scene, model.settings
+    views = [PreparedView(v, scene.triangulation(v.camera, settings), scene.origin) for v in first.views]
+    camera = Camera("i", Perspective.from_fov(60, 40, 0.3), Pose((-0.2, 0.0, 0.0)), CODING)
+    depths = {}
+    for near in (0.0, 2.9):  # the box is 2.7 m away, the wall 4.2 m
+        view = model.render_pbi(camera, ViewTable(views) if standing else None, near=near).view
+        depths[near] = camera.depth.depth(view.codes)
+    on_box = np.isclose(depths[0.0], BOX_X + 0.2, atol=0.02)
+    assert on_box.mean() > 0.2
+    if standing:
+        assert not np.any(depths[2.9] < 2.9)
+    else:  # the farthest surface is shown, wherever it is
+        np.testing.assert_array_equal(depths[2.9], depths[0.0])

@@ -55,7 +55,7 @@ def slow_filter(camera, mesh, depth, updated, kept, neighbours):
 def test_candidates_are_accepted_as_by_the_slow_twin_with_fewer_rays(size, share, neighbours):
     camera, mesh = Camera("c", Perspective.from_fov(*size, 1.0), Pose(), CODING), wall_with_a_gap()
     pbs = ProbableBackgroundSurface(1)
-    pbs.set_static(0, mesh)
+    pbs.set_static(0, 0, mesh)
     pbs.commit()
     rng = np.random.default_rng(2)
     depth = np.full(size[::-1], 4.0)
@@ -71,8 +71,8 @@ def test_candidates_are_accepted_as_by_the_slow_twin_with_fewer_rays(size, share
     blocks = np.argwhere(np.ones((-(-size[1] // 8), -(-size[0] // 16))))
     counts = np.empty((len(blocks), COUNTS_SIZE), np.int64)
     filter_pixels(
-        pbs.tracer, camera.packed(), camera.depth.packed(), codes, flags, (DELTA, 0.0), neighbours, blocks, (8, 16),
-        counts,
+        pbs.tracer.packed, camera.packed(), camera.depth.packed(), codes, flags, (DELTA, 0.0), neighbours, blocks,
+        (8, 16), counts,
     )  # fmt: skip
     np.testing.assert_array_equal(flags, np.where(expected, KEPT, 0) | np.where(lone, UPDATED, 0) | others)
     totals = counts.sum(axis=0)

@@ -271,7 +271,7 @@ def triangulating(rng: Rng, flush: str) -> Counts:
     prepared = PreparedView(View(camera, view.texture, completed.codes), options, ORIGIN)
     levels = [prepared.level(level_for(ratio)) for ratio in (1.0, 2.0, 4.0, 30.0)]
     coverage, other = Coverage((0.05, 1e-3)), any_view(rng, any_camera(rng, "w"), flush, ball)
-    kept = sum(int(coverage.take(seen, options.edge).sum()) for seen in (view, other, view))
+    kept = sum(int(coverage.keep_farther(seen, options.edge).sum()) for seen in (view, other, view))
     return {"triangles": triangles, "levels": len(levels), "kept": kept}
 
 

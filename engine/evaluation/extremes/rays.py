@@ -11,9 +11,11 @@ import numpy.typing as npt
 
 from ...background.culling import cull_unmarked, mark_missed
 from ...background.pbs import ProbableBackgroundSurface
+from ...background.ray_tracer import EmbreeTracer
 from ...geometry.mesh import Mesh
 from ...geometry.scene_scale import Scene
 from ...geometry.triangulation import TriangulationOptions, triangulate
+from ...kernels.background.rays import Tracer
 from ...kernels.evaluation.leaks import count_leaks, farthest_distances
 from ...rig.camera import Camera, Equirectangular, Perspective
 from ...settings import Settings
@@ -77,10 +79,16 @@ def _ball(rough: float) -> tuple[F64, npt.NDArray[np.int32]]:
     return points, np.concatenate(parts).astype(np.int32)
 
 
+def _packed(pbs: ProbableBackgroundSurface) -> Tracer:
+    """The ray tracer's scene, as kernels take it."""
+    assert isinstance(pbs.tracer, EmbreeTracer)
+    return pbs.tracer.packed
+
+
 def _surface_of(*meshes: Mesh) -> ProbableBackgroundSurface:
     pbs = ProbableBackgroundSurface(len(meshes))
     for number, mesh in enumerate(meshes):
-        pbs.set_static(number, mesh)
+        pbs.set_static(number, number, mesh)
     pbs.commit()
     return pbs
 
@@ -101,7 +109,7 @@ def _leaks(rays: int, scale: float, offset: float) -> list[Measured]:
     ]
     pbs = _surface_of(mesh)
     missed = count_leaks(
-        pbs.tracer, mesh.points, mesh.triangles, np.array(cameras), 7, rays
+        _packed(pbs), mesh.points, mesh.triangles, np.array(cameras), 7, rays
     )  # fmt: skip
     return [Measured(sum(missed), 0.0, "rays")]
 
@@ -138,7 +146,7 @@ def _farthest(kind: int) -> list[Measured]:
     camera = Camera("eye", Perspective.from_fov(192, 144, 2.2), turned((0.3, -0.7, 0.2), 33, 21, 12), CODING)
     pbs = _surface_of(_walls(kind))
     found = np.empty((camera.height, camera.width))
-    farthest_distances(pbs.tracer, camera.packed(), found)
+    farthest_distances(_packed(pbs), camera.packed(), found)
     v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     rays = camera.unproject(np.stack([u, v], axis=-1), np.ones_like(u)) - camera.pose.position
     length = np.linalg.norm(rays, axis=-1)
@@ -181,7 +189,7 @@ def _culled(order: Sequence[int], placement: Placement = HOME) -> tuple[list[npt
     scene, pbs = Scene.of(cameras, settings, frame), ProbableBackgroundSurface(len(cameras))
     for number, view in enumerate(frame.views):
         mesh = triangulate(view.camera, view.codes, scene.triangulation(view.camera, settings), origin=scene.origin)
-        pbs.set_static(number, mesh)
+        pbs.set_static(number, number, mesh)
     pbs.commit()
     delta = _DELTA * placement.scale
     packed = np.array([camera.packed(scene.origin) for camera in cameras])

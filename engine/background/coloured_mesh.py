@@ -1,0 +1,26 @@
+"""The PBS as a mesh with colours, as it is exported."""
+
+from __future__ import annotations
+
+from ..io.mesh_files import ColouredMesh, srgb_from_ycbcr
+from ..support.array_types import F64
+from .capture import Captures
+from .pbs import ProbableBackgroundSurface
+
+__all__ = ["coloured_mesh"]
+
+
+def coloured_mesh(pbs: ProbableBackgroundSurface, captures: Captures, origin: F64) -> ColouredMesh:
+    """The valid triangles in the world (origin: the scene's, metres), each vertex with its capture's colour there;
+    copies, made by any thread."""
+    with pbs.lock:
+        parts = [(surface, surface.invalid == 0) for surface in pbs.surfaces()]
+    return ColouredMesh.joined(
+        [
+            ColouredMesh(
+                surface.mesh.points + origin, surface.mesh.triangles[valid],
+                srgb_from_ycbcr(captures.colours(surface.capture, surface.mesh.uv)),
+            )
+            for surface, valid in parts
+        ]
+    )  # fmt: skip

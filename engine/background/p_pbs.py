@@ -1,0 +1,97 @@
+"""Update of the P-PBS (section 3.3.3): a reference camera's turn.
+
+The paper merges new triangles with those of the P-PBS into a temporary P-PBS, culls that, and compacts what is left.
+There is no temporary P-PBS here: a camera's part of the P-PBS is derived anew, whole, from its maximum depth image and
+from which of its pixels the triangle filter has accepted (KEPT), with the marks of the triangles that were there
+before. What culling takes away is taken from these pixels in the camera's next turn. So slivers of successive frames
+merge, and the P-PBS is as large as what is visible, however long the video is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from ..kernels.background.p_pbs import clear_culled, inherit_marks, paint_triangles
+from ..settings import Settings
+from ..support.array_types import B1, I32
+from ..support.stages import timed
+from .capture import Capture
+from .changed_directions import ChangedDirections
+from .maximum_depth import BLOCK
+from .pbs import ProbableBackgroundSurface, Surface
+from .reconstruction import Reconstruction
+from .report import UpdateReport
+from .tolerances import Tolerances
+from .triangle_filter import filter_updated
+
+__all__ = ["ProgressiveUpdate"]
+
+
+class ProgressiveUpdate:
+    """Derives the parts of the P-PBS of `count` reference cameras. changed: where new geometry is noted."""
+
+    def __init__(
+        self, pbs: ProbableBackgroundSurface, reconstruction: Reconstruction, changed: ChangedDirections,
+        settings: Settings, count: int,
+    ) -> None:  # fmt: skip
+        self._pbs, self._reconstruction, self._changed = pbs, reconstruction, changed
+        self._neighbours = settings.filter_neighbours
+        self.rounds = [1] * count  # of fusion, when each camera's surfaces were derived last
+        self._scratch: dict[tuple[int, ...], I32] = {}
+
+    def take_turn(self, capture: Capture, tolerances: Tolerances, report: UpdateReport) -> None:
+        """Filters what was uncovered since the camera's last turn, and derives its part of the P-PBS anew."""
+        image, before = capture.image, self._pbs.progressive.get(capture.number)
+        culled = before is not None and before.valid_count < len(before.invalid)
+        # Twice the frames: noise has fallen by the square root of two.
+        fused = tolerances.noise > 0 and image.rounds >= 2 * self.rounds[capture.camera]
+        if not (image.pending.any() or culled or fused):
+            return
+        version = self._pbs.version
+        with self._painted(capture, before) as numbers:
+            with timed(report.stages, "filter"):
+                if before is not None and culled:
+                    clear_culled(before.packed, before.invalid, image.camera.wraps, numbers, image.flags)
+                changed = filter_updated(self._pbs.tracer, capture, tolerances.delta, self._neighbours, report)
+            if culled or changed.any():
+                with timed(report.stages, "triangulate"):
+                    self._derive(capture, before, numbers, changed)
+        if fused:
+            with timed(report.stages, "triangulate"):
+                self.rounds[capture.camera] = image.rounds
+                self._pbs.move(capture.number, lambda mesh: image.settled(mesh, capture.packed))
+                self._changed.add_all()
+        if self._pbs.version != version:
+            with timed(report.stages, "commit"):  # before the next camera's rays
+                self._pbs.commit()
+
+    @contextmanager
+    def _painted(self, capture: Capture, before: Surface | None) -> Iterator[I32]:  # [h, w]
+        """Which valid triangle of a capture's part of the P-PBS covers each pixel, -1 where none does."""
+        image = capture.image
+        shape = image.codes.shape
+        if shape not in self._scratch:
+            self._scratch[shape] = np.full(shape, -1, np.int32)
+        numbers = self._scratch[shape]
+        if before is None:
+            yield numbers
+            return
+        triangles = before.packed, before.invalid.copy(), image.camera.wraps
+        paint_triangles(*triangles, False, numbers)
+        try:
+            yield numbers
+        finally:
+            paint_triangles(*triangles, True, numbers)  # a picture has many more pixels than a P-PBS
+
+    def _derive(self, capture: Capture, before: Surface | None, numbers: I32, changed: B1) -> None:
+        """New triangles of the kept pixels; what was there before keeps its marks, outside the changed blocks."""
+        image = capture.image
+        mesh = self._reconstruction.triangles(capture.camera, image.camera, image.codes, image.kept)
+        surface = self._pbs.set_progressive(capture.number, capture.camera, mesh)
+        news = np.ones(len(mesh.triangles), bool)
+        if before is not None:
+            inherit_marks(surface.packed, numbers, before.marks, surface.marks, changed, BLOCK, news)
+        self._changed.add(surface, np.flatnonzero(news))

@@ -1,0 +1,44 @@
+"""New triangles: pixels of reference views that are back-projected into space (sections 3.3.2 and 3.3.3, Fig. 4)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from ..geometry.mesh import Mesh
+from ..geometry.prepared_view import PreparedView, ViewTable
+from ..geometry.triangulation import TriangulationOptions, triangulate
+from ..rig.camera import Camera
+from ..rig.frame import View
+from ..support.array_types import F64, U8, U16
+from .viewing_space import ViewingSpace
+
+__all__ = ["Reconstruction"]
+
+
+class Reconstruction:
+    """Makes the triangles of the PBS. options: bounds of each reference camera's triangulation; origin: the scene's,
+    metres in the world, that points are relative to; space: where heads stay, None: anywhere; rims: pixels keep their
+    squares at depth edges, where a gap of a pixel between someone and the wall would be a hole in the background, and
+    let rays through to what is behind."""
+
+    def __init__(
+        self, options: Sequence[TriangulationOptions], origin: F64, space: ViewingSpace | None, *, rims: bool = True
+    ) -> None:
+        self.options, self._origin, self._space, self._rims = tuple(options), origin, space, rims
+
+    def triangles(self, index: int, camera: Camera, codes: U16, keep: U8) -> Mesh:
+        """The mesh of those of a reference camera's pixels whose keep [h, w] is not 0, without what nobody in the
+        viewing space can see."""
+        options = dataclasses.replace(self.options[index], extend_edges=self._rims)
+        mesh = triangulate(camera, codes, options, origin=self._origin, keep=keep)
+        return mesh if self._space is None else self._space.seen(mesh)
+
+    def table(self, views: Sequence[View]) -> ViewTable:
+        """The reference cameras' views as kernels read them, with these bounds."""
+        prepared = zip(views, self.options, strict=True)
+        return ViewTable([PreparedView(view, options, self._origin) for view, options in prepared])
+
+    def tolerance(self, cameras: Sequence[Camera]) -> float:
+        """How far triangles may be from the depth that was seen, as disparity, 1/m."""
+        return max(max(o.tolerance, c.depth.step) for o, c in zip(self.options, cameras, strict=True))

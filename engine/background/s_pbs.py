@@ -1,0 +1,35 @@
+"""Initialisation of the PBS: the S-PBS, from the views of the first frame (section 3.3.2).
+
+Coverage selection says which views take part, and the farther-only test which of their pixels (`coverage`); these
+become triangles (`reconstruction`). Foreground culling comes after (`culling`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..kernels.base.tolerance import Delta
+from ..rig.frame import View
+from ..support.array_types import F64
+from .capture import Captures
+from .coverage import Coverage, choose_views
+from .pbs import ProbableBackgroundSurface
+from .reconstruction import Reconstruction
+
+__all__ = ["gather_triangles"]
+
+
+def gather_triangles(
+    pbs: ProbableBackgroundSurface, captures: Captures, views: Sequence[View], reconstruction: Reconstruction,
+    n_init: int, delta: Delta, origin: F64,
+) -> list[int]:  # fmt: skip
+    """Puts into the S-PBS the triangles of up to n_init (n_rv^init) views that overlap little, of each view only what
+    no view before shows; returns which. captures: those of the same views; origin: the scene's, metres. Counts after
+    `pbs.commit`."""
+    coverage = Coverage(delta, origin)
+    chosen = choose_views(views, n_init)
+    for c in chosen:
+        keep = coverage.keep_farther(views[c], reconstruction.options[c].edge)
+        capture = captures.current[c]
+        pbs.set_static(capture.number, c, reconstruction.triangles(c, capture.image.camera, views[c].codes, keep))
+    return chosen

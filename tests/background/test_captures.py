@@ -1,0 +1,111 @@
+"""Surfaces keep the colours of the capture that they stem from, whatever their camera sees by now from elsewhere."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from farside.engine.background.model import BackgroundModel
+from farside.engine.geometry.scene_scale import Scene
+from farside.engine.io.mesh_files import srgb_from_ycbcr
+from farside.engine.kernels.base.tone import IDENTITY
+from farside.engine.rig.camera import Pose
+from farside.engine.rig.frame import Frame, View
+from farside.engine.settings import Settings
+from support.rooms import WALL_X, WALL_Y, camera_row, see, texture_of
+
+LATER_Y = 700
+GAP = np.s_[24:40, 36:60]  # where the first capture has no depth; the second sees it at about the same place
+INSIDE = np.s_[28:36, 42:54]
+
+
+def wall(camera, luma, *, gap):
+    """A view of the wall in one colour, with or without a gap in its depth."""
+    codes = see(camera).codes.copy()
+    if gap:
+        codes[GAP] = 0
+    return View(camera, texture_of(np.full(codes.shape, luma)), codes)
+
+
+def recaptured():
+    """A model of one camera that has begun a second capture beside the first, and its cameras then and now."""
+    first = camera_row(1)[0]
+    begin = Frame(0, (wall(first, WALL_Y, gap=True),))
+    settings = Settings(n_init=1)
+    model = BackgroundModel([first], settings, Scene.of([first], settings, begin))
+    model.update(begin)
+    second = dataclasses.replace(first, pose=Pose((0.0, 0.02, 0.0)))
+    model.update(Frame(1, (wall(first, WALL_Y, gap=True),)))
+    model._recapture(0, wall(second, LATER_Y, gap=True), np.array(IDENTITY))
+    return model, first, second
+
+
+def luma_of(model, camera):
+    view = model.render_pbi(camera).view
+    return view.texture.y, view.camera.depth.depth(view.codes)
+
+
+def test_a_camera_has_a_newer_capture_and_the_older_one_stays():
+    model, first, second = recaptured()
+    assert [(capture.number, capture.camera, capture.pose) for capture in model.captures] == [
+        (0, 0, first.pose), (1, 0, second.pose),
+    ]  # fmt: skip
+    assert model.cameras == (second,)
+    np.testing.assert_array_equal(np.unique(model.captures[0].image.texture.y), WALL_Y)
+    np.testing.assert_array_equal(np.unique(model.captures[1].image.texture.y), LATER_Y)
+
+
+def test_triangles_of_the_first_capture_keep_its_colours():
+    model, first, second = recaptured()
+    luma, depth = luma_of(model, first)
+    there = ~np.isnan(depth)
+    assert there.mean() > 0.8
+    np.testing.assert_array_equal(luma[there], WALL_Y)
+    expected = srgb_from_ycbcr(np.array([[WALL_Y, WALL_Y // 2, WALL_Y // 2 + 1]]))
+    np.testing.assert_array_equal(model.mesh().colours, np.broadcast_to(expected, model.mesh().colours.shape))
+    for index in range(2, 6):  # a turn at its new place changes nothing of that
+        report = model.update(Frame(index, (wall(second, LATER_Y, gap=True),)))
+        assert report.group == ("v0",)
+    np.testing.assert_array_equal(luma_of(model, first)[0][there], WALL_Y)
+    assert len(model.mesh().triangles) > 0
+
+
+def test_what_the_second_capture_uncovers_has_its_own_colours():
+    model, first, second = recaptured()
+    assert np.isnan(luma_of(model, first)[1][INSIDE]).all()
+    report = model.update(Frame(2, (wall(second, LATER_Y, gap=False),)))
+    assert report.accepted > 0
+    luma, depth = luma_of(model, first)
+    np.testing.assert_allclose(depth[INSIDE], WALL_X, atol=0.02)
+    np.testing.assert_array_equal(luma[INSIDE], LATER_Y)
+    outside = np.ones(luma.shape, bool)
+    outside[20:44, 32:64] = False
+    np.testing.assert_array_equal(luma[outside & ~np.isnan(depth)], WALL_Y)
+    colours = np.unique(model.mesh().colours, axis=0)
+    expected = [[[y, y // 2, y // 2 + 1]] for y in (WALL_Y, LATER_Y)]
+    np.testing.assert_array_equal(colours, np.sort([srgb_from_ycbcr(np.array(one))[0] for one in expected], axis=0))
+
+
+def test_a_camera_that_only_moved_keeps_its_first_capture_and_adds_nothing():
+    cameras = camera_row(2)
+    settings = Settings(n_init=2)
+    begin = Frame(0, tuple(wall(camera, WALL_Y, gap=True) for camera in cameras))
+    model = BackgroundModel(cameras, settings, Scene.of(cameras, settings, begin))
+    model.update(begin)
+    moved = dataclasses.replace(cameras[0], pose=Pose((0.0, -0.3, 0.0)))
+    for index in range(1, 5):
+        report = model.update(Frame(index, (wall(moved, LATER_Y, gap=False), wall(cameras[1], WALL_Y, gap=True))))
+        assert report.group == ("v1",)
+        assert report.accepted == 0
+    assert [capture.number for capture in model.captures] == [0, 1]
+    luma, depth = luma_of(model, cameras[1])
+    assert set(np.unique(luma[~np.isnan(depth)])) == {WALL_Y}
+
+
+@pytest.mark.parametrize("number", [0, 1, 5])
+def test_each_surface_of_a_capture_is_a_geometry_of_its_own(number):
+    model = recaptured()[0]
+    found = {model._pbs._geometry(capture, static) for capture in range(6) for static in (True, False)}
+    assert len(found) == 12
+    assert model._pbs._geometry(number, True) != model._pbs._geometry(number, False)
