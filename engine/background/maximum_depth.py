@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +16,11 @@ from ..kernels.background.nontrivial import Rules, prepare_limits
 from ..kernels.background.picture import Picture
 from ..kernels.background.surfaces import Triangles
 from ..kernels.base.tone import IDENTITY
+from ..rig.camera import Camera
 from ..rig.depth import DepthCoding
 from ..rig.frame import Texture, View
 from ..rig.texture import toned_texture
+from .state import CaptureState
 from .tolerances import Tolerances
 
 __all__ = ["BLOCK", "MaximumDepthImage"]
@@ -62,6 +65,30 @@ class MaximumDepthImage:
         coding = self.camera.depth
         edge = self._edge if self._refine else coding.max_code  # which no neighbour is nearer by
         self._rules = _comparison(coding, margin_m, margin_disparity, edge)
+
+    def state(self) -> dict[str, Any]:
+        """All that it holds besides its camera, by the names of `state.CaptureState`; copies."""
+        arrays = {name: getattr(self, name).copy() for name in ("codes", "flags", "fused", "pending", "lone")}
+        y, cb, cr = (plane.copy() for plane in _planes(self.texture))
+        rules = self._rules
+        return {
+            **arrays, "y": y, "cb": cb, "cr": cr, "counts": self._counts.copy(), "number": self._number,
+            "turn": self._turn, "edge": self._edge, "refine": self._refine, "margin_m": rules.margin_m,
+            "margin_disparity": rules.margin_disparity,
+        }  # fmt: skip
+
+    @classmethod
+    def from_state(cls, camera: Camera, state: CaptureState) -> MaximumDepthImage:
+        """The image that had this state; copies."""
+        view = View(camera, Texture(state.y, state.cb, state.cr), state.codes)
+        image = cls(view, Tolerances(0.0, 0.0), 0.0, refine=state.refine)
+        image._edge = state.edge
+        for name in ("flags", "fused", "pending", "lone"):
+            setattr(image, name, getattr(state, name).copy())
+        image._counts = state.counts.copy()
+        image._number, image._turn = state.number, state.turn
+        image._compare_by(state.margin_m, state.margin_disparity)
+        return image
 
     def update(self, view: View, tone: npt.ArrayLike = IDENTITY, *, whole: bool = True) -> int:
         """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels.

@@ -19,8 +19,11 @@ from .capture import Capture
 from .culling import clear_marks
 from .maximum_depth import MaximumDepthImage
 from .parts import ModelParts
+from .ray_tracer import RayTracer
 from .report import UpdateReport
+from .restoring import put_back, settings_of, state_of
 from .s_pbs import gather_triangles
+from .state import ModelState
 from .surface import Surface
 from .viewing_space import flag_hidden
 
@@ -30,7 +33,7 @@ __all__ = ["BackgroundModel", "UpdateReport"]
 class BackgroundModel(ModelParts):
     """S-PBS from the first frame, P-PBS from what later frames uncover; rendered as probable background images.
 
-    `update` and `render_pbi` are called by one thread at a time, `mesh` and `counts` by any other. A
+    `update`, `state` and `render_pbi` are called by one thread at a time, `mesh` and `counts` by any other. A
     camera that has moved since its capture began adds nothing from then on; what it added before stays as far as other
     cameras find it. A frame that does not fit is a ValueError and changes nothing. tracer: None: Embree.
     """
@@ -48,6 +51,20 @@ class BackgroundModel(ModelParts):
         for name, count in self.counts().items():
             setattr(report, name, count)
         return report
+
+    def state(self) -> ModelState:
+        """All that the model is, as copies; by the thread that updates. None of what it was made with is needed to
+        continue."""
+        return state_of(self)
+
+    @classmethod
+    def from_state(cls, state: ModelState, tracer: RayTracer | None = None) -> BackgroundModel:
+        """The model that had this state: it continues bit for bit. Raises ValueError for a state of another version."""
+        state.check()
+        cameras = [camera.camera() for camera in state.cameras]
+        model = cls(cameras, settings_of(state), state.scene.scene(), tracer)
+        put_back(model, state)
+        return model
 
     def _initialise(self, frame: Frame, tones: F64) -> UpdateReport:
         """The first frame (section 3.3.2)."""

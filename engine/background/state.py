@@ -1,0 +1,173 @@
+"""A background model's state: arrays, numbers, strings and tuples of them, from which a model continues bit for bit.
+
+Everything is in it that the model needs: nothing else of it outlives a frame. It needs no state of `Exposure`: how
+views' colours are brought to the model's tone is an argument of `BackgroundModel.update`, and whoever follows the
+exposure (the engine's back end) owns it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+from ..geometry.mesh import Mesh
+from ..geometry.scene_scale import Scene
+from ..rig.camera import Camera, Equirectangular, Perspective, Pose
+from ..rig.depth import DepthCoding
+from ..settings import Settings
+from ..support.array_types import B1, F32, F64, I32, I64, U8, U16, U64
+from .surface import Surface
+
+__all__ = ["VERSION", "CameraState", "CaptureState", "ModelState", "SceneState", "SurfaceState", "settings_state"]
+
+VERSION = 1
+
+Scalar = int | float | str | bool | tuple[float, ...] | None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraState:
+    """A reference camera: its projection's name and numbers in the order of its fields, pose, and coding."""
+
+    name: str
+    projection: str
+    lens: tuple[float | tuple[float, float], ...]
+    position: tuple[float, float, float]
+    orientation: tuple[float, float, float, float]
+    coding: tuple[float, float, int, bool]  # near, far, bits, has_invalid
+    texture_bits: int
+
+    @classmethod
+    def of(cls, camera: Camera) -> CameraState:
+        """A camera's state."""
+        lens, pose = camera.projection, camera.pose
+        return cls(
+            camera.name, type(lens).__name__, _values(lens), pose.position, pose.orientation, _values(camera.depth),
+            camera.texture_bits,
+        )  # fmt: skip
+
+    def camera(self) -> Camera:
+        """The camera itself; raises ValueError for a projection that is not known."""
+        known: dict[str, Any] = {"Perspective": Perspective, "Equirectangular": Equirectangular}
+        if self.projection not in known:
+            raise ValueError(f"projection: {self.projection!r}: expected one of {', '.join(known)}")
+        pose = Pose(self.position, self.orientation)
+        return Camera(self.name, known[self.projection](*self.lens), pose, DepthCoding(*self.coding), self.texture_bits)
+
+
+@dataclass(frozen=True, slots=True)
+class SceneState:
+    """What `SceneScale` has measured: origin float64 [3], metres in the world; baseline; depths; depth coding."""
+
+    origin: F64
+    baseline: float
+    depths: tuple[float, float, float]
+    coding: tuple[float, float, int, bool]
+
+    @classmethod
+    def of(cls, scene: Scene) -> SceneState:
+        """A scene's state."""
+        return cls(scene.origin.copy(), scene.baseline, scene.depths, _values(scene.coding))
+
+    def scene(self) -> Scene:
+        """The scene itself."""
+        return Scene(self.origin.copy(), self.baseline, self.depths, DepthCoding(*self.coding))
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureState:
+    """A capture (`capture.Capture`): index of its reference camera, that camera as it stood, and its maximum depth
+    image (`maximum_depth.MaximumDepthImage`): planes and flags [h, w], chroma [(h + 1) // 2, (w + 1) // 2]; by block,
+    where updates wait, and how many there were; counters; and what it compares by."""
+
+    index: int
+    camera: CameraState
+    codes: U16
+    y: U16
+    cb: U16
+    cr: U16
+    flags: U8
+    fused: U8
+    pending: B1
+    lone: B1
+    counts: I64
+    number: int
+    turn: int
+    edge: int
+    refine: bool
+    margin_m: float
+    margin_disparity: float
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceState:
+    """A surface (`surface.Surface`) of the S-PBS (static) or the P-PBS."""
+
+    static: bool
+    camera: int
+    capture: int
+    points: F32
+    uv: F32
+    triangles: I32
+    marks: U64
+    invalid: U8
+
+    @classmethod
+    def of(cls, surface: Surface, static: bool) -> SurfaceState:
+        """A surface's state; copies."""
+        mesh = surface.mesh
+        return cls(
+            static, surface.camera, surface.capture, mesh.points.copy(), mesh.uv.copy(), mesh.triangles.copy(),
+            surface.marks.copy(), surface.invalid.copy(),
+        )  # fmt: skip
+
+    def surface(self) -> Surface:
+        """The surface itself; copies."""
+        mesh = Mesh(self.points.copy(), self.uv.copy(), self.triangles.copy())
+        return Surface(mesh, self.marks.copy(), self.invalid.copy(), self.camera, self.capture)
+
+
+@dataclass(frozen=True, slots=True)
+class ModelState:
+    """All that a background model is (`BackgroundModel.state`, `BackgroundModel.from_state`). It owns its arrays.
+
+    current: number of each reference camera's current capture. surfaces: in the order of the model. tolerances: those
+    of `tolerances.Tolerances` by name. first: samples of each camera's first disparities, 1/m. frames: how many came
+    after the first; rounds: of fusion, by camera; moved, next, waited: see `reference_cameras`, `model`. geometry: the
+    PBS' version; cast: that of each camera's last culling rays; changed float32 [n, rows, columns]: see
+    `changed_directions`.
+    """
+
+    version: int
+    settings: tuple[tuple[str, Scalar], ...]
+    scene: SceneState
+    cameras: tuple[CameraState, ...]
+    captures: tuple[CaptureState, ...]
+    current: tuple[int, ...]
+    surfaces: tuple[SurfaceState, ...]
+    tolerances: tuple[tuple[str, float], ...]
+    first: tuple[F64, ...]
+    frames: int
+    rounds: tuple[int, ...]
+    moved: tuple[int, ...]
+    next: int
+    waited: int
+    geometry: int
+    cast: tuple[int, ...]
+    changed: F32
+
+    def check(self) -> None:
+        """Raises ValueError where it is of another version."""
+        if self.version != VERSION:
+            raise ValueError(f"model state: version {self.version!r}: expected {VERSION}")
+
+
+def settings_state(settings: Settings) -> tuple[tuple[str, Scalar], ...]:
+    """Settings by name."""
+    return tuple((field.name, getattr(settings, field.name)) for field in dataclasses.fields(settings))
+
+
+def _values(record: Any) -> tuple[Any, ...]:
+    """A record's values, in the order of its fields."""
+    return tuple(getattr(record, field.name) for field in dataclasses.fields(record))
