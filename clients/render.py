@@ -13,8 +13,8 @@ import typer
 from farside.engine.io.pose_trace import read_pose_trace
 from farside.engine.io.recording import Recording, open_recording
 from farside.engine.pipeline.offline import (
+    OfflineRenderer,
     PictureWriter,
-    Renderer,
     RenderJob,
     Targets,
     camera_target,
@@ -87,7 +87,7 @@ def command(
     targets, count = _targets(opened, camera or [], pose_trace, stereo, ipd, size, fov)
     start, stop = _frame_range(frames, count)
     job = RenderJob(opened, _sources(opened, sources), targets, start, stop, history)
-    rows = _render(Renderer(job, settings), PictureWriter(out, png=png, masks=ppm_masks))
+    rows = _render(OfflineRenderer(job, settings), PictureWriter(out, png=png, masks=ppm_masks))
     result = summary(rows, settings)
     if report is not None:
         report.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
@@ -95,7 +95,7 @@ def command(
     Console(stderr=True).print(f"{len(rows)} frames to {out}; median milliseconds a frame: {median}")
 
 
-def _render(renderer: Renderer, writer: PictureWriter) -> list[dict[str, Any]]:
+def _render(renderer: OfflineRenderer, writer: PictureWriter) -> list[dict[str, Any]]:
     """Write the pictures of a job; returns the report's row of each frame."""
     rows, job = [], renderer.job
     with writer, Progress(console=Console(stderr=True)) as progress:

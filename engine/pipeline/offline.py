@@ -22,7 +22,7 @@ from ..rig.viewer import RenderedPicture, StereoView
 from ..settings import Settings
 from .engine import BackEndReport, Engine, Viewer
 
-__all__ = ["RenderJob", "Renderer", "Targets", "summary"]
+__all__ = ["OfflineRenderer", "RenderJob", "Targets", "summary"]
 
 STAGES = ("ingest", "triangulate", "background", "pbi", "warp", "fill", "total")
 # Stages of a picture as the engine measures them, by the stage that they are reported under.
@@ -47,7 +47,7 @@ class RenderJob:
     history: bool = True
 
 
-class Renderer:
+class OfflineRenderer:
     """Plays a job's frames in order and yields each output frame's pictures with a row of the report."""
 
     def __init__(self, job: RenderJob, settings: Settings) -> None:

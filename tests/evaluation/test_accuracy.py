@@ -19,7 +19,7 @@ from farside.engine.evaluation.peers import nearest_views
 from farside.engine.evaluation.twin_recording import TwinRecording, default_targets, find_recordings
 from farside.engine.io.tmiv import open_sequence
 from farside.engine.io.yuv import RawVideo
-from farside.engine.pipeline.offline import PictureWriter, Renderer, RenderJob
+from farside.engine.pipeline.offline import OfflineRenderer, PictureWriter, RenderJob
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin, write_twin
 
@@ -65,7 +65,7 @@ def test_figures_are_those_of_the_files_that_render_writes(folder, rows, tmp_pat
     settings, viewers = Settings.preset("fast", n_render=VIEWS, background=model), {target: sequence.camera(target)}
     job = RenderJob(sequence, nearest_views(sequence, target, VIEWS), lambda index: viewers, 0, 2)
     with PictureWriter(tmp_path) as writer:
-        for index, pictures, _row in Renderer(job, settings).frames():
+        for index, pictures, _row in OfflineRenderer(job, settings).frames():
             writer.write(target, index, pictures[target])
     camera = sequence.camera(target)
     (file,) = tmp_path.glob(f"{target}_texture*.yuv")

@@ -13,7 +13,7 @@ from farside.engine.evaluation.accuracy import Plan, judge_pictures
 from farside.engine.evaluation.background import compare_model, inside_rig
 from farside.engine.evaluation.twin_recording import TwinRecording
 from farside.engine.io.recording import Playhead, Recording, open_recording
-from farside.engine.pipeline.offline import Renderer, RenderJob
+from farside.engine.pipeline.offline import OfflineRenderer, RenderJob
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin, write_twin
 from support.doubles import FakeCore
@@ -97,7 +97,7 @@ def test_offline_rendering_needs_no_more_than_the_protocol() -> None:
     """The pictures are those of the same frames in a TMIV-like class; frames before the first are played in order."""
     recording = make_recording()
     settings = Settings.preset("fast", n_render=2)
-    (row,) = Renderer(job(Bare(recording), 2, 3), settings).frames()
+    (row,) = OfflineRenderer(job(Bare(recording), 2, 3), settings).frames()
     index, pictures, _ = row
     assert index == 2
     assert recording.sought == []  # never out of order
@@ -109,7 +109,7 @@ def test_offline_rendering_needs_no_more_than_the_protocol() -> None:
 
 def test_played_to_and_fro_after_the_end() -> None:
     recording = make_recording()
-    rows = list(Renderer(job(Bare(recording), 0, 5), Settings.preset("fast", background=False)).frames())
+    rows = list(OfflineRenderer(job(Bare(recording), 0, 5), Settings.preset("fast", background=False)).frames())
     assert [index for index, _, _ in rows] == [0, 1, 2, 3, 4]
     assert recording.sought == [2, 1]
     first, back = rows[1][1]["t0"], rows[4][1]["t0"]
