@@ -70,18 +70,15 @@ class BackEnd:
             self._scene = Scene.of([view.camera for view in frame.views], settings, frame)
         scene = self._scene
         views = self._reference_views(frame, scene, settings)
-        present, report = ViewTable(views), None
+        content = FrameContent(scene, views, ViewTable(views), {}, None)
         with timed(stages, "exposure"):
-            tones = self._follow_exposure(frame, present, scene, settings)
+            tones = self._follow_exposure(frame, content.present, scene, settings)
         with timed(stages, "background"):
-            if settings.background:
-                if self.model is None:
-                    self.model = BackgroundModel(self._cameras, settings, scene)
-                report = self.model.update(frame, None if tones is None else to_common(tones))
+            report = self._update_model(frame, tones, scene, settings)
         with timed(stages, "pbi"):
-            pbis, rays = self._make_pbis(look(), speeds, FrameContent(scene, views, present, {}, None), settings)
+            pbis, rays = self._make_pbis(look(), speeds, content, settings)
             delta = None if self.model is None else self.model.tolerances.delta
-            content = FrameContent(scene, views, present, pbis, delta)
+            content = dataclasses.replace(content, pbis=pbis, delta=delta)
             prepared = self._renderer.prepare(content)
         with timed(stages, "triangulate"):
             self._warm(prepared, look(), content, settings)
@@ -118,6 +115,16 @@ class BackEnd:
         model = self.model.images(frame) if self.model is not None else ()
         self._exposure.update(present, 1.0 / self.f_vin, *model)
         return self._exposure.tones
+
+    def _update_model(
+        self, frame: Frame, tones: F64 | None, scene: Scene, settings: Settings
+    ) -> UpdateReport | None:
+        """Update the PBS (section 3.3); None where no model is wanted."""
+        if not settings.background:
+            return None
+        if self.model is None:
+            self.model = BackgroundModel(self._cameras, settings, scene)
+        return self.model.update(frame, None if tones is None else to_common(tones))
 
     def _make_pbis(
         self, viewers: Mapping[str, Viewer], speeds: Mapping[str, float], content: FrameContent, settings: Settings

@@ -18,7 +18,7 @@ class CanvasPool:
     size, and leave again.
     """
 
-    def __init__(self, limit_bytes: int = 2 << 30) -> None:
+    def __init__(self, limit_bytes: int) -> None:
         self._limit_bytes = limit_bytes
         self._idle: list[Canvas] = []  # in the order in which they were used
         self._lock = threading.Lock()

@@ -23,10 +23,13 @@ _STEREO_VIEWERS = 4  # stereo pairs that are rendered at the same time
 
 
 class CpuRenderer:
-    """Draws with the kernels (`rendering.renderer.Renderer`); any number of threads may ask for pictures."""
+    """Draws with the kernels (`rendering.renderer.Renderer`); any number of threads may ask for pictures.
 
-    def __init__(self) -> None:
-        self.canvases = CanvasPool()
+    canvas_bytes: how much memory canvases may take that nobody draws on at the moment (`canvas_pool`).
+    """
+
+    def __init__(self, canvas_bytes: int = 2 << 30) -> None:
+        self.canvases = CanvasPool(canvas_bytes)
         self.settler = Settler()
         self.other_eyes = ThreadPoolExecutor(_STEREO_VIEWERS, "farside-second-eye")
 
