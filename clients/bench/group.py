@@ -120,15 +120,19 @@ def old_calls(args: Sequence[str]) -> list[tuple[str, list[str]]]:
             chosen.append((name, []))
     if not chosen or (folders and folders[0] in MEASURES):
         return []
-    known = set().union(*(_options(name) for name in MEASURES))
     return [
-        (name, [*own, *([] if MEASURES[name].named else folders), *_wanted(options, _options(name), known)])
+        (name, [*own, *([] if MEASURES[name].named else folders), *_wanted(options, _options(name))])
         for name, own in chosen
     ]
 
 
-def _wanted(options: Sequence[tuple[str, list[str]]], own: set[str], known: set[str]) -> list[str]:
-    return [text for flag, texts in options if flag in own or flag not in known for text in texts]
+def _wanted(options: Sequence[tuple[str, list[str]]], own: set[str]) -> list[str]:
+    return [text for flag, texts in options if flag in own or not _is_known(flag) for text in texts]
+
+
+def _is_known(flag: str) -> bool:
+    """Whether any measure has the option: their modules are imported until one has."""
+    return any(flag in _options(name) for name in MEASURES)
 
 
 def _options(name: str) -> set[str]:
