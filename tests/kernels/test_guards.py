@@ -229,7 +229,6 @@ def test_triangles_beyond_all_integers_are_drawn_to_an_end(child):
 COVERED = {
     "background/captures": ("pipeline",),
     "background/culling": ("pipeline",),
-    "background/directions": ("pipeline",),
     "background/exposure": ("pipeline",),
     "background/hidden": ("pipeline",),
     "background/pbi": ("pipeline",),
@@ -254,8 +253,7 @@ INSIDE = {
     "background/standing": ("background/hidden", "background/pbi"),
     "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangle_words"),
     "base/sight": ("background/standing", "rendering/backdrop"),
-    "base/simd": ("rendering/backdrop", "rendering/blocks", "rendering/shade", "rendering/sorting"),
-    "base/view_table": ("background/exposure", "background/uncovered", "rendering/winner_colour"),
+    "base/memory": ("rendering/backdrop", "rendering/blocks", "rendering/shade", "rendering/sorting"),
     "geometry/rims": ("geometry/triangulate",),
     "geometry/triangle_words": ("geometry/triangulate",),
     "rendering/cells": ("rendering/shade",),
@@ -267,7 +265,7 @@ INSIDE = {
     "rendering/winner_colour": ("rendering/shade",),
 }
 ASIDE = {"evaluation/leaks"}  # rays in numbers: in no picture, and they read nothing but what other rays do
-MEMORY = {"lanes", "rays", "simd", "view_table"}  # what reads and writes at addresses
+MEMORY = {"lanes", "memory", "rays"}  # what reads and writes at addresses
 # What takes addresses from others.
 THROUGH = {"cells", "lens", "look", "present", "sight", "strips", "standing", "texels", "winner_colour"}
 

@@ -105,6 +105,7 @@ def _is_table(node: ast.expr, records: set[str], tables: set[str]) -> bool:
     if isinstance(node, ast.Call):
         return _name(node.func) in TABLE_MAKERS or (
             _name(node.func) in ("array", "stack")
+            and bool(node.args)
             and isinstance(node.args[0], ast.ListComp)
             and _is_record(node.args[0].elt, records, tables)
         )
