@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..kernels.base import view_table
+from ..kernels.base.memory import address_of
 from ..kernels.base.tone import IDENTITY
 from ..rig.camera import Camera, Equirectangular, Perspective
 from ..rig.frame import View
@@ -141,7 +142,7 @@ class PreparedView:
             raise ValueError(f"view {self.view.camera.name}: planes: expected C-contiguous uint16")
         if min(codes.shape) < 4:
             raise ValueError(f"view {self.view.camera.name}: size {codes.shape}: expected at least 4 x 4 pixels")
-        return np.array([plane.ctypes.data for plane in planes], np.int64)
+        return np.array([address_of(plane) for plane in planes], np.int64)
 
     def level(self, wanted: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
         """The view halved `wanted` times or, where its sizes do not allow that, as often as they do: what
@@ -156,7 +157,7 @@ class PreparedView:
         row = self._table_row(level.camera)
         row[view_table.SUBSAMPLED] = level.subsampled
         arrays = (level.codes, level.y, level.cb, level.cr, level.cuts)
-        return row, np.array([array.ctypes.data for array in arrays], np.int64)
+        return row, np.array([address_of(array) for array in arrays], np.int64)
 
     @property
     def cuts(self) -> npt.NDArray[np.uint8]:  # [h, w]
@@ -182,7 +183,7 @@ class ViewTable:
         self.rows = np.array([view.table_row for view in views]).reshape(-1, view_table.TABLE_SIZE)
         if tones is not None:
             self.rows[:, view_table.TONE :] = tones
-        cuts = [view.cuts.ctypes.data if k < drawn else 0 for k, view in enumerate(views)]
+        cuts = [address_of(view.cuts) if k < drawn else 0 for k, view in enumerate(views)]
         planes = [[*view.addresses(measured=k >= drawn), cuts[k]] for k, view in enumerate(views)]
         self.addresses = np.array(planes, np.int64).reshape(-1, 5)
         self._drawn = drawn

@@ -264,7 +264,8 @@ INSIDE = {
     "rendering/texels": ("rendering/look",),
     "rendering/winner_colour": ("rendering/shade",),
 }
-ASIDE = {"evaluation/leaks"}  # rays in numbers: in no picture, and they read nothing but what other rays do
+# Rays in numbers: in no picture, and they read nothing but what other rays do. And what runs where nothing is compiled.
+ASIDE = {"evaluation/leaks", "base/live_arrays"}
 MEMORY = {"lanes", "memory", "rays"}  # what reads and writes at addresses
 # What takes addresses from others.
 THROUGH = {"cells", "lens", "look", "present", "sight", "strips", "standing", "texels", "winner_colour"}

@@ -55,7 +55,7 @@ def _bilinear(plane: int, width: int, height: int, u: float, v: float) -> float:
     right, below = min(1, width - 1), width if height > 1 else 0
     at = y0 * width + x0
     top = load_u16(plane, at) + (x - x0) * (load_u16(plane, at + right) - load_u16(plane, at))
-    low = load_u16(plane, at + below)
+    low: float = load_u16(plane, at + below)
     low = low + (x - x0) * (load_u16(plane, at + below + right) - low)
     return top + (y - y0) * (low - top)
 

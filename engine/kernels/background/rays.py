@@ -19,6 +19,7 @@ from numba.extending import intrinsic
 from ...support.array_types import F64
 from ...support.packed import POSITION
 from ..base.jit import inlined, serial
+from ..base.memory_llvm import load_as, store_as
 from ..base.project import position, unproject_point
 from .lines import along, from_camera
 
@@ -60,7 +61,7 @@ def _loader(numba_type: Any, llvm_type: Any) -> Any:
     @intrinsic
     def load(typing: Any, address: Any) -> Any:
         def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.load(builder.inttoptr(arguments[0], llvm_type.as_pointer()), align=1)
+            return load_as(builder, arguments[0], llvm_type, 1)
 
         return numba_type(types.int64), codegen
 
@@ -77,7 +78,7 @@ load_f32 = _loader(types.float32, _F32)
 @intrinsic
 def _store_i32(typing: Any, address: Any, value: Any) -> Any:
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        builder.store(arguments[1], builder.inttoptr(arguments[0], _I32.as_pointer()))
+        store_as(builder, arguments[1], arguments[0])
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int32), codegen
@@ -88,8 +89,7 @@ def or_u64(typing: Any, address: Any, bits: Any) -> Any:
     """Sets bits of the uint64 at an address; threads that set the same bits do not disturb one another."""
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pointer = builder.inttoptr(arguments[0], _I64.as_pointer())
-        builder.store(builder.or_(builder.load(pointer), arguments[1]), pointer)
+        store_as(builder, builder.or_(load_as(builder, arguments[0], _I64), arguments[1]), arguments[0])
         return context.get_dummy_value()
 
     return types.void(types.int64, types.uint64), codegen
@@ -119,19 +119,19 @@ def intersect1(
         block = ir.ArrayType(_I32, _RAY_HIT_WORDS)
         memory = cgutils.alloca_once(builder, block)
         memory.align = 16
-        words = builder.bitcast(memory, _I32.as_pointer())
+        words = builder.bitcast(memory, ir.PointerType())
 
-        def word(index: int, llvm_type: Any) -> Any:
-            return builder.bitcast(builder.gep(words, [_I32(index)]), llvm_type.as_pointer())
+        def word(index: int) -> Any:
+            return builder.gep(words, [_I32(index)], source_etype=_I32)
 
         ox_, oy_, oz_, dx_, dy_, dz_, near_, far_ = numbers
         ray = (ox_, oy_, oz_, near_, dx_, dy_, dz_, _F32(0.0), far_)
         for index, value in enumerate(ray):
-            builder.store(value, word(index, _F32))
+            builder.store(value, word(index))
         for index, constant in ((_MASK, -1), (10, 0), (11, 0)):
-            builder.store(_I32(constant), word(index, _I32))
+            builder.store(_I32(constant), word(index))
         for index in (_GEOM_ID, _INST_ID, _INST_PRIM_ID):
-            builder.store(_I32(-1), word(index, _I32))
+            builder.store(_I32(-1), word(index))
         signature_ = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] * 3)
         builder.call(
             builder.inttoptr(fn, signature_.as_pointer()),
@@ -141,8 +141,8 @@ def intersect1(
                 builder.inttoptr(query_, cgutils.voidptr_t),
             ],
         )
-        values = [builder.load(word(i, _F32)) for i in (_TFAR, _U, _V)]
-        values += [builder.load(word(i, _I32)) for i in (_GEOM_ID, _PRIM_ID)]
+        values = [builder.load(word(i), typ=_F32) for i in (_TFAR, _U, _V)]
+        values += [builder.load(word(i), typ=_I32) for i in (_GEOM_ID, _PRIM_ID)]
         return context.make_tuple(builder, result, values)
 
     return result(i64, i64, i64, *([f32] * 8)), codegen

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba.np.unsafe.ndarray import to_fixed_tuple
+from numba import config
+from numba.np.unsafe import ndarray as numba_arrays
 
 from ...support.array_types import F64
 from ...support.packed import (
@@ -149,6 +150,16 @@ def unproject_point(camera: F64, u: float, v: float, depth: float) -> tuple[floa
         cx, cy = planar * cx, planar * cy
     x, y, z = direction_in_world(camera, cx * depth, cy * depth, cz * depth)
     return x + camera[POSITION_X], y + camera[POSITION_Y], z + camera[POSITION_Z]
+
+
+if config.DISABLE_JIT:
+
+    def to_fixed_tuple(array: F64, length: int) -> tuple[float, ...]:
+        """The first elements of an array as a tuple."""
+        return tuple(array[:length])
+
+else:
+    to_fixed_tuple = numba_arrays.to_fixed_tuple
 
 
 @serial(fastmath={"contract", "nnan", "nsz"})
