@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 from numba import config
 
 from .live_arrays import address_of
-from .memory_llvm import BEYOND
+from .memory_llvm import BEYOND, VECTOR_BYTES
 
 __all__ = [
     "BEYOND",
+    "VECTOR_BYTES",
     "address_of",
     "gather_bytes",
     "gather_floats",

@@ -12,6 +12,7 @@ from .vectors_llvm import FLOATS, INTEGERS, LANES, MASK, call_intrinsic, ir_type
 
 __all__ = [
     "BEYOND",
+    "VECTOR_BYTES",
     "gather_bytes",
     "gather_floats",
     "gather_halves",
@@ -33,6 +34,7 @@ __all__ = [
     "store_where",
 ]
 
+VECTOR_BYTES = 4 * LANES  # of sixteen float32 or int32
 BEYOND = 3  # bytes behind the one that is meant which `gather_bytes` reads, too
 
 

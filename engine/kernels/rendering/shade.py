@@ -20,7 +20,7 @@ import numpy as np
 from ...support.array_types import F32, F64, I64, U8
 from ...support.packed import CX, CY, FX, FY, KIND, PERSPECTIVE, PHI_MAX, RADIANS_A_COLUMN, RADIANS_A_ROW, THETA_MAX
 from ..base.jit import inlined, inlined_late, parallel, serial
-from ..base.memory import load, store
+from ..base.memory import VECTOR_BYTES, load, store
 from ..base.simd import LANES, Floats, Mask, any_of, maximum, minimum, select, spread, zipped, zipped_rest
 from ..base.tone import LARGEST
 from ..base.view_table import Views
@@ -32,7 +32,8 @@ from .winner_colour import shade_by_winner
 __all__ = ["shade"]
 
 _CHUNKS = 64
-_ROOM = 7  # vectors a part for a cell's pixels and sums
+_PIXELS = 4  # vectors a part for a cell's pixels
+_ROOM = 7  # and for its pixels and sums
 
 
 @serial
@@ -66,7 +67,7 @@ def _shade_pair(
     number; room [ROOM + views FIELDS, PARTS, LANES]."""
     scale, height = _row_of_directions(camera, y)
     scale_below, height_below = _row_of_directions(camera, y + 1)
-    pixels, sums, seen = room, room + 4 * PARTS * LANES * 4, room + _ROOM * PARTS * LANES * 4
+    pixels, sums, seen = room, room + _PIXELS * PARTS * VECTOR_BYTES, room + _ROOM * PARTS * VECTOR_BYTES
     for x in range(0, width, CELL):
         for part in range(PARTS):
             below, column = part >= 2, x + (part & 1) * LANES
@@ -82,7 +83,7 @@ def _shade_pair(
             store(sums, (PARTS + part) * LANES, inverse)
             column = x + (part & 1) * LANES
             store(lumas, column + width if part >= 2 else column, select(total > 0.0, luma * inverse, -1.0))
-        b, r, count = colour_cell(sources, asked, seen, sums + PARTS * LANES * 4)
+        b, r, count = colour_cell(sources, asked, seen, sums + PARTS * VECTOR_BYTES)
         store(chromas, x >> 1, b)
         store(chromas, (width + x) >> 1, r)
         store(chromas, width + (x >> 1), count)

@@ -8,7 +8,7 @@ import numpy as np
 from ...support.array_types import F32, F64, I32, I64
 from ...support.packed import FX, FY, HEIGHT, WIDTH
 from ..base.jit import inlined, parallel, serial
-from ..base.memory import gather_bytes, store_packed
+from ..base.memory import VECTOR_BYTES, gather_bytes, store_packed
 from ..base.simd import (
     LANES,
     Floats,
@@ -127,8 +127,8 @@ def _sort_into_bands(
                     screen.ctypes.data, triangles.ctypes.data, number, among, second, size, near, regions
                 )
                 n = store_packed(found.ctypes.data, number, shows)
-                store_packed(found.ctypes.data + 4 * LANES, to_integers(first), shows)
-                store_packed(found.ctypes.data + 8 * LANES, to_integers(last), shows)
+                store_packed(found.ctypes.data + VECTOR_BYTES, to_integers(first), shows)
+                store_packed(found.ctypes.data + 2 * VECTOR_BYTES, to_integers(last), shows)
                 drawn[chunk] += n
                 for i in range(n):
                     for band in range(found[1, i] // band_rows, found[2, i] // band_rows + 1):
