@@ -19,6 +19,7 @@ from ..kernels.rendering import fill as fill_kernels
 from ..kernels.rendering import tiles as tile_kernels
 from ..kernels.rendering.records import DepthBuffer, Planes
 from ..rig.frame import Texture
+from ..rig.texture import empty_texture
 from ..support.packed import POSITION_SLICE
 from .rasteriser import Rasteriser
 from .target import Target
@@ -175,9 +176,7 @@ class Canvas:
 
     def texture(self) -> Texture:
         """The picture as a new 10-bit 4:2:0 texture."""
-        h, w = self.disparity.shape
-        half = ((h + 1) // 2, (w + 1) // 2)
-        out = Texture(np.empty((h, w), np.uint16), np.empty(half, np.uint16), np.empty(half, np.uint16))
+        out = empty_texture(*self.disparity.shape)
         fill_kernels.pack_420(*self.planes, out.y, out.cb, out.cr)
         return out
 

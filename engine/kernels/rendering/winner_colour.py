@@ -16,6 +16,14 @@ _FARTHEST_PX = 1e15  # from a view's picture: what is farther is in no direction
 
 
 @inlined
+def _chroma_at(row: F64, addresses: I64, x: int, y: int) -> tuple[float, float]:
+    """The chroma sample of a view's pixel."""
+    shift = int(row[SUBSAMPLED])
+    sample = (y >> shift) * ((int(row[WIDTH]) + shift) >> shift) + (x >> shift)
+    return float(load_u16(addresses[CB], sample)), float(load_u16(addresses[CR], sample))
+
+
+@inlined
 def _colour_of_winner(
     row: F64, addresses: I64, u: float, v: float, code: float
 ) -> tuple[float, float, float]:
@@ -63,10 +71,8 @@ def _colour_of_winner(
         v = iy + 0.5 + wc + wd
     y_ = addresses[Y]
     luma = wa * load_u16(y_, a) + wb * load_u16(y_, b) + wc * load_u16(y_, c) + wd * load_u16(y_, d)
-    shift = int(row[SUBSAMPLED])
-    column, line = min(max(int(u), 0), width - 1) >> shift, min(max(int(v), 0), height - 1) >> shift
-    sample = line * ((width + shift) >> shift) + column
-    return luma, float(load_u16(addresses[CB], sample)), float(load_u16(addresses[CR], sample))
+    b, r = _chroma_at(row, addresses, min(max(int(u), 0), width - 1), min(max(int(v), 0), height - 1))
+    return luma, b, r
 
 
 @serial
