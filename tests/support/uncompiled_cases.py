@@ -20,6 +20,7 @@ import numpy as np
 from farside.engine.geometry.completion import complete
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.triangulation import TriangulationOptions, Triangulator, triangulate
+from farside.engine.io.images import encode_jpeg
 from farside.engine.kernels.base import view_table
 from farside.engine.kernels.base.project import project_pixels
 from farside.engine.kernels.base.sight import looks_through, shows
@@ -35,7 +36,7 @@ from farside.engine.rendering.target import Target
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Texture, View
-from farside.engine.rig.texture import encode_jpeg, from_rgb, to_rgb, toned_texture
+from farside.engine.rig.texture import from_rgb, to_rgb, toned_texture
 from farside.engine.synth.parts import Palette, box, capsule, cylinder, ellipsoid, pack, turn
 
 Arrays = dict[str, np.ndarray]
