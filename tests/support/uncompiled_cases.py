@@ -18,8 +18,9 @@ from typing import Any
 
 import numpy as np
 from farside.engine.geometry.completion import complete
+from farside.engine.geometry.minification import Level, halved
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
-from farside.engine.geometry.triangulation import TriangulationOptions, Triangulator, triangulate
+from farside.engine.geometry.triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
 from farside.engine.io.images import encode_jpeg
 from farside.engine.kernels.base import view_table
 from farside.engine.kernels.base.project import project_pixels
@@ -131,7 +132,7 @@ def pictures() -> Iterator[tuple[str, np.ndarray]]:
     ):
         name = type(projection).__name__
         prepared = [PreparedView(view(projection, 0.15 * k, k), OPTIONS, ORIGIN, completes=True) for k in range(3)]
-        target = Target(Camera("t", small, Pose((0.1, 0.05, 0.0)), CODING), ORIGIN)
+        target = Target(Camera("t", small, Pose((0.1, -0.4, 0.0)), CODING), ORIGIN)
         for label, blend, cubic, prefilter in (
             ("one", 1, False, False),
             ("blend", 3, True, False),
@@ -157,18 +158,19 @@ def _picture(
     for number, each in enumerate(prepared[:2]):
         canvas.draw(each.mesh(), target, number, 0.05, 0.01)
     canvas.draw_holes("rims", prepared[:2], target, 0.05)
-    backdrop = PreparedView(view(FLAT, 0.6, 5), OPTIONS, ORIGIN)
+    backdrop = PreparedView(view(prepared[0].view.camera.projection, -0.5, 5), OPTIONS, ORIGIN)
     present = ViewTable(prepared, drawn=2)
     canvas.draw_backdrop(backdrop, present, [0, 1], target, 0.05, (0.0, 0.001), (0.05, 0.0))
     yield "disparity", canvas.disparity.copy()
     yield "winner", canvas.winner.copy()
+    assert (canvas.winner[canvas.disparity > 0] > 1).any()  # drawn by what no drawn view has
     table = ViewTable([*prepared[:2], backdrop, *prepared], drawn=2)
     canvas.shade(target, table, 2, blend, cubic=cubic, prefilter=prefilter)
     if isinstance(size, Perspective):
         marks = canvas.silhouettes(0.02)
         fine = Canvas(2 * size.width, 2 * size.height)
         fine.clear(marks)
-        twice = Target(Camera("t", size.scaled(2.0), Pose((0.1, 0.05, 0.0)), CODING), ORIGIN)
+        twice = Target(Camera("t", size.scaled(2.0), Pose((0.1, -0.4, 0.0)), CODING), ORIGIN)
         for number, each in enumerate(prepared[:2]):
             fine.draw(each.mesh(), twice, number, 0.05, 0.01)
         fine.shade(twice, table, 2, blend)
@@ -180,6 +182,16 @@ def _picture(
         yield label, plane.copy()
     texture = smooth_outlines(canvas.texture(), canvas.disparity, 0.05)
     yield "texture", texture.y
+
+
+def halves() -> Iterator[tuple[str, np.ndarray]]:
+    """A view at half its size."""
+    seen = view(FLAT, 0.0)
+    texture, cuts = seen.texture, depth_cuts(seen.camera, seen.codes, OPTIONS)
+    level = halved(Level(seen.camera, seen.codes, texture.y, texture.cb, texture.cr, cuts), OPTIONS)
+    assert level is not None
+    yield "codes", level.codes
+    yield "y", level.y
 
 
 def colours() -> Iterator[tuple[str, np.ndarray]]:
@@ -234,7 +246,7 @@ def measures() -> Iterator[tuple[str, np.ndarray]]:
 
 
 CASES: tuple[Callable[[], Iterator[tuple[str, np.ndarray]]], ...] = (
-    solids, meshes, completed, pictures, colours, points, measures,
+    solids, meshes, completed, pictures, halves, colours, points, measures,
 )  # fmt: skip
 
 
