@@ -119,7 +119,7 @@ def intersect1(
         block = ir.ArrayType(_I32, _RAY_HIT_WORDS)
         memory = cgutils.alloca_once(builder, block)
         memory.align = 16
-        words = builder.bitcast(memory, ir.PointerType())
+        words = builder.inttoptr(builder.ptrtoint(memory, _I64), ir.PointerType())  # a cast would keep the array's type
 
         def word(index: int) -> Any:
             return builder.gep(words, [_I32(index)], source_etype=_I32)
