@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..geometry.embree import MarkQuery, Scene, intersect_address, occluded_address
+from ..geometry.embree import MarkQuery, RayScene, intersect_address, occluded_address
 from ..kernels.background import culling, hidden, pbi, triangle_filter
 from ..kernels.background.picture import Picture
 from ..kernels.background.rays import Tracer
@@ -84,7 +84,7 @@ class EmbreeTracer:
     """Embree 4, by compiled kernels (`geometry.embree`, `kernels.background.rays`)."""
 
     def __init__(self) -> None:
-        self._scene = Scene()
+        self._scene = RayScene()
         # Tables that kernels read (`kernels.background.surfaces`), a row a geometry.
         self._surfaces = np.zeros((0, SURFACE_SIZE), np.int64)
         self._marks = np.zeros((0, MARKS_SIZE), np.int64)

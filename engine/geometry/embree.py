@@ -20,7 +20,7 @@ import numpy.typing as npt
 from ..kernels.background.rays import mark_and_pass, skip_invalid
 from ..support.runtime import thread_count
 
-__all__ = ["EmbreeError", "MarkQuery", "Scene", "intersect_address", "occluded_address"]
+__all__ = ["EmbreeError", "MarkQuery", "RayScene", "intersect_address", "occluded_address"]
 
 _INDEX, _VERTEX, _UINT3, _FLOAT3 = 0, 1, 0x5003, 0x9003
 _LOW = 0  # build quality: a fifth of the time of the next better one, and rays take a tenth longer
@@ -89,7 +89,7 @@ def occluded_address() -> int:
     return int(ctypes.cast(_library().rtcOccluded1, ctypes.c_void_p).value or 0)
 
 
-class Scene:
+class RayScene:
     """A dynamic scene of triangle meshes, each under an id of the caller's; only changed ones are rebuilt.
 
     Changes count after `commit`, and no ray may be cast in between; flags of invalid triangles are shared and count

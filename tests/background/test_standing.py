@@ -6,8 +6,7 @@ import numba
 import numpy as np
 import pytest
 from farside.engine.background.model import BackgroundModel
-from farside.engine.geometry.embree import Scene as RayScene
-from farside.engine.geometry.embree import intersect_address, occluded_address
+from farside.engine.geometry.embree import RayScene, intersect_address, occluded_address
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.geometry.triangulation import TriangulationOptions

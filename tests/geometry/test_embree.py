@@ -3,7 +3,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
-from farside.engine.geometry.embree import EmbreeError, MarkQuery, Scene, intersect_address, occluded_address
+from farside.engine.geometry.embree import EmbreeError, MarkQuery, RayScene, intersect_address, occluded_address
 from farside.engine.kernels.background.rays import BESIDE_PX, INVALID_ID, Tracer, farthest_hit, intersect1, is_free
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
@@ -47,7 +47,7 @@ def height_field(n, depth, seed=0):
 
 
 def scene_of(*meshes):
-    scene, flags = Scene(), []
+    scene, flags = RayScene(), []
     for i, (points, triangles) in enumerate(meshes):
         flags.append(np.zeros(len(triangles), np.uint8))
         scene.set(i, points, triangles, flags[-1])
@@ -183,7 +183,7 @@ def test_a_ray_is_free_up_to_what_is_there():
 
 
 def test_what_embree_refuses_is_raised():
-    scene = Scene()
+    scene = RayScene()
     with pytest.raises(EmbreeError, match="rtcSetSceneBuildQuality: error"):
         scene._call("SetSceneBuildQuality", scene.address, 99)
 
@@ -191,4 +191,4 @@ def test_what_embree_refuses_is_raised():
 def test_flags_of_another_shape_are_refused():
     points, triangles = height_field(4, 2.0)
     with pytest.raises(ValueError, match=r"invalid: uint8 \(3,\): expected uint8 \[18\]"):
-        Scene().set(0, points, triangles, np.zeros(3, np.uint8))
+        RayScene().set(0, points, triangles, np.zeros(3, np.uint8))
