@@ -109,7 +109,7 @@ def test_a_camera_that_moves_leaves_only_what_others_confirm():
     y = model.mesh().vertices[:, 1]
     assert y.max() == edge[1]
     pixel = 2 * WALL_X * np.tan(0.6) / 96
-    assert y.min() == pytest.approx(edge[0] + 0.4, abs=pixel)  # beyond it only the camera that moved saw the wall
+    assert y.min() == pytest.approx(edge[0] + 0.4, abs=1.5 * pixel)  # beyond it only the one that moved saw the wall
 
 
 def test_without_a_fixed_camera_nothing_is_background():

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from ...support.array_types import F64, I64, U8, U16
-from ..base.jit import inlined, parallel
+from ..base.jit import inlined, inlined_late, parallel
 from ..base.tone import (
     CB_FROM_Y,
     CB_GAIN,
@@ -137,7 +137,8 @@ def update_maximum_depth(
             counts[band, tile] = count
 
 
-@inlined
+# Not `inlined`: in a parallel function Numba drops what is only written to arrays that are fields of a tuple.
+@inlined_late
 def _update_quad(
     pair: int, column: int, new: Picture, known: Picture, flags: U8, fused: U8, rules: Rules, tone: F64
 ) -> int:
