@@ -8,7 +8,6 @@ import re
 
 import numpy as np
 import pytest
-from farside.clients import bench
 from farside.clients.bench import accuracy
 from farside.clients.bench.accuracy import make_plan
 from farside.clients.compare import compare
@@ -25,7 +24,7 @@ from farside.engine.synth import make_twin, write_twin
 
 TWIN, SCALE, VIEWS = "hijack", 0.06, 3
 TARGETS = ["t0", "t2"]  # perspective and equirectangular
-FIGURES = ("psnr_y", "ws_psnr_y", "iv_psnr", "ssim")
+FIGURES = ("psnr_y", "ws_psnr_y", "iv_psnr", "ssim", "ms_ssim", "iv_ssim", "iv_ms_ssim")
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +32,8 @@ def folder(tmp_path_factory):
     """A report on a twin that was written to disk."""
     root = tmp_path_factory.mktemp("accuracy")
     write_twin(TWIN, root / "sequences" / TWIN, SCALE, frames=2)
-    bench.command(
-        [root / "sequences"], True, camera=TARGETS, views=f"{VIEWS},all", quality="fast", report=root / "report"
+    accuracy.command(
+        [root / "sequences"], cameras=TARGETS, views=f"{VIEWS},all", quality="fast", report=root / "report"
     )
     return root
 
@@ -73,7 +72,7 @@ def test_figures_are_those_of_the_files_that_render_writes(folder, rows, tmp_pat
     report = compare(sequence.video(target, "texture"), written, erp_range(camera))
     case = Case(TWIN, target, VIEWS, model, "fast")
     for expected in report["frames"]:
-        row = row_of(rows, Sample(case, expected["frame"], 0, None, 0, 0, 0, 0))
+        row = row_of(rows, Sample(case, expected["frame"], 0, None, 0, 0, None, 0, None, 0, 0))
         for name in FIGURES:
             assert row[name] == ("" if name not in expected else str(expected[name]))
     assert 25 < float(row["psnr_y"]) < 60
@@ -138,8 +137,8 @@ def test_json_and_table_agree_with_the_samples(folder, rows):
 
 
 def test_a_table_is_printed_without_a_report_too(capsys):
-    bench.command(
-        accuracy=True, twins=TWIN, scale=0.03, camera=["t0"], views="2", quality="fast", frames=1, background=False
+    accuracy.command(
+        twins=TWIN, scale=0.03, cameras=["t0"], views="2", quality="fast", frames=1, background=False
     )
     printed = capsys.readouterr().out
     assert TWIN in printed
@@ -153,19 +152,21 @@ def test_what_was_measured_before_an_interrupt_is_reported(judged, tmp_path, mon
         raise KeyboardInterrupt
 
     monkeypatch.setattr(accuracy, "judge_pictures", interrupted)
-    bench.command(accuracy=True, twins=TWIN, scale=SCALE, report=tmp_path)
+    accuracy.command(twins=TWIN, scale=SCALE, report=tmp_path)
     assert f"{judged[0].sample.iv_psnr:.2f}" in capsys.readouterr().out
     assert len(json.loads((tmp_path / "accuracy.json").read_text())["samples"]) == 1
 
 
 def test_silhouettes_weigh_as_many_as_they_are():
     case = Case("s", "t0", 2, True, "best")
-    plain = Sample(case, 0, 30.0, None, 40.0, 0.9, 0.0, 0.0)
-    few = Sample(case, 1, 32.0, None, 42.0, 0.9, 0.0, 0.0, bias_px=1.0, silhouettes=10, thin=0.0, thin_pixels=0)
-    many = Sample(case, 2, 31.0, None, 38.0, 0.9, 0.0, 0.0, bias_px=0.0, silhouettes=30, thin=0.5, thin_pixels=8)
+    alike = 0.9, None, 0.8, None, 0.0, 0.0  # SSIMs and holes
+    plain = Sample(case, 0, 30.0, None, 40.0, *alike)
+    few = Sample(case, 1, 32.0, None, 42.0, *alike, bias_px=1.0, silhouettes=10, thin=0.0, thin_pixels=0)
+    many = Sample(case, 2, 31.0, None, 38.0, *alike, bias_px=0.0, silhouettes=30, thin=0.5, thin_pixels=8)
     (row,) = summarise([plain, few, many])
     assert (row["bias_px"], row["thin"], row["worst"], row["psnr_y"]) == (0.25, 0.5, 38.0, 31.0)
     assert row["ws_psnr_y"] is None
+    assert (row["ssim"], row["iv_ssim"], row["ms_ssim"]) == (pytest.approx(0.9), pytest.approx(0.8), None)
 
 
 def test_plans_and_what_they_refuse(tmp_path):
@@ -181,6 +182,6 @@ def test_plans_and_what_they_refuse(tmp_path):
     with pytest.raises(ValueError, match="expected a TMIV sequence, or a folder of sequences"):
         find_recordings([tmp_path])
     with pytest.raises(ValueError, match="nothing to render"):
-        bench.command(accuracy=True)
+        accuracy.command()
     with pytest.raises(ValueError, match="quality: 'good': expected one of"):
-        bench.command(accuracy=True, twins=TWIN, scale=0.03, quality="good")
+        accuracy.command(twins=TWIN, scale=0.03, quality="good")

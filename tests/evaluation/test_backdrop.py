@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from farside.clients import bench
+from farside.clients.bench import backdrop
 from farside.engine.evaluation.backdrop import VIEWS, compare_backdrops, pbi_costs
 from farside.engine.settings import BACKDROPS
 from farside.engine.synth import make_twin, twin_frame
@@ -22,7 +22,7 @@ def test_the_benchmark_compares_both_on_the_same_pixels(capsys):
     assert [cost.mode for cost in costs] == list(BACKDROPS)
     assert costs[0].rays < costs[1].rays < 2 * costs[0].rays
     assert all(cost.seconds > 0 for cost in costs)
-    bench.command(backdrop="hijack", scale=0.03, frames=1, quality="fast")
+    backdrop.command("hijack", scale=0.03, frames=1, quality="fast")
     printed = capsys.readouterr().out
     assert "hijack at scale 0.03" in printed
     assert "to the farthest" in printed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from farside.clients import bench
+from farside.clients.bench import flicker
 from farside.engine.evaluation.flicker import REACH_PX, ROUNDING, STILL, Steadiness, measure_flicker, watch_flicker
 from farside.engine.io.tmiv import open_sequence
 from farside.engine.settings import Settings
@@ -97,7 +97,7 @@ def test_watching_needs_a_still_camera(painter):
 
 
 def test_the_command_prints_a_row_a_camera(painter, capsys):
-    bench.command(flicker=painter.folder, camera=["t0", "t1"], views="2", quality="fast", background=False)
+    flicker.command(painter.folder, ["t0", "t1"], views=2, quality="fast", background=False)
     printed = capsys.readouterr().out
     assert "painter, quality fast, 2 views" in printed
     assert all(name in printed for name in ("t0", "t1", "ratio"))

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from farside.clients import bench
+from farside.clients.bench import ghosts
 from farside.engine.background.model import BackgroundModel
 from farside.engine.evaluation.ghosts import GhostSample, ghost_pixels, inside_cameras, plot_ghosts, watch_ghosts
 from farside.engine.geometry.scene_scale import Scene
@@ -65,7 +65,7 @@ def test_ghosts_are_what_neither_the_background_nor_the_present_explains():
 
 def test_the_command_prints_a_table_and_draws(tmp_path, capsys):
     pytest.importorskip("matplotlib")
-    bench.command(ghosts="hijack", scale=0.03, frames=2, report=tmp_path / "new", quality="fast")
+    ghosts.command("hijack", scale=0.03, frames=2, report=tmp_path / "new", quality="fast")
     printed = capsys.readouterr().out
     assert "hijack at scale 0.03" in printed
     assert "ghosts" in printed

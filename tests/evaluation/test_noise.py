@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from farside.clients import bench
+from farside.clients.bench import noise
 from farside.engine.background.model import BackgroundModel
 from farside.engine.evaluation.ghosts import inside_cameras
 from farside.engine.evaluation.noise import model_error, uncovered_psnr, watch_noise
@@ -67,7 +67,7 @@ def test_no_frame_of_a_noisy_twin_loses_by_its_model():
 
 
 def test_the_command_prints_both_tables(capsys):
-    bench.command(noise="frog", scale=0.03, frames=2, quality="fast", views="2")
+    noise.command("frog", scale=0.03, frames=2, quality="fast", views=2)
     printed = capsys.readouterr().out
     assert "frog at scale 0.03, depth noise 1, quality fast, 2 views" in printed
     assert "the model against the true background" in printed

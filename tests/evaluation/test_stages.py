@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from farside.clients import bench
+from farside.clients.bench import stages
 from farside.engine.evaluation.stages import PHASES, head_amid, measure_stages
 from farside.engine.evaluation.twin_recording import TwinRecording, open_recording_or_twin
 from farside.engine.io.images import encode_jpeg
@@ -82,7 +82,7 @@ def test_a_head_like_perspective_cameras_has_their_eyes():
 
 def test_a_sequence_on_disk_is_measured_and_reported(tmp_path, capsys):
     write_twin("painter", tmp_path / "painter", 0.05, frames=2)
-    bench.command(stages=str(tmp_path / "painter"), frames=2, quality="fast", report=tmp_path / "report")
+    stages.command(str(tmp_path / "painter"), frames=2, quality="fast", report=tmp_path / "report")
     printed = capsys.readouterr().out
     assert all(stage in printed for stage in FRAME | PAIR)
     figures = json.loads((tmp_path / "report" / "stages.json").read_text())

@@ -7,7 +7,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from farside.clients import bench
+from farside.clients.bench import tolerances
 from farside.engine.evaluation.tolerances import FACTORS, automatic_choices, summarise, sweep
 from farside.engine.geometry.prepared_view import pixels_per_radian
 from farside.engine.geometry.scene_scale import Scene
@@ -77,7 +77,7 @@ def test_automatic_tolerances_are_not_far_off_the_best(rows):
 
 def test_the_command_prints_tables_and_writes_figures(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("farside.engine.evaluation.tolerances.FACTORS", (1.0, 8.0))
-    bench.command(tolerances=True, twins="frog", scale=0.03, quality="fast", report=tmp_path / "new")
+    tolerances.command(twins="frog", scale=0.03, quality="fast", report=tmp_path / "new")
     printed = capsys.readouterr().out
     assert "frog at scale 0.03, quality fast" in printed
     assert "automatic values beside the best" in printed

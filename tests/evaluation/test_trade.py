@@ -8,7 +8,6 @@ import itertools
 
 import numpy as np
 import pytest
-from farside.clients import bench
 from farside.clients.bench import trade as command
 from farside.clients.bench.trade_report import fronts, plot_trade, write_report
 from farside.engine.evaluation.trade import Plan, sweep
@@ -166,7 +165,7 @@ def test_the_plot_is_a_picture(points, tmp_path):
 def test_a_sequence_is_swept_at_its_virtual_cameras_and_the_command_prints_it(tmp_path, capsys, monkeypatch):
     write_twin("painter", tmp_path / "painter", 0.04, frames=2)
     monkeypatch.setattr(command, "variants", lambda: variants()[:4])
-    bench.command([tmp_path / "painter"], trade=True, frames=2, every=1, report=tmp_path / "report")
+    command.command([tmp_path / "painter"], frames=2, every=1, report=tmp_path / "report")
     printed = capsys.readouterr().out
     assert "time against IV-PSNR" in printed
     for quality in QUALITIES:

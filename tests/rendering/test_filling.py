@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from farside.clients import bench
+from farside.clients.bench import fill as command
 from farside.engine.evaluation.filling import similarity
 from farside.engine.evaluation.metrics import ssim
 from farside.engine.kernels.rendering import structure
@@ -205,7 +205,7 @@ def test_surfaces_part_by_as_many_pixels_as_the_rise_says():
 
 def test_the_benchmark_compares_kinds_of_filling_inside_holes(tmp_path, capsys):
     write_twin("painter", tmp_path / "painter", 0.04, 1)
-    bench.command(fill=tmp_path / "painter", camera=["t2"], quality="fast", background=False)
+    command.command(tmp_path / "painter", ["t2"], quality="fast", background=False)
     found = re.search(r"t2 │ +([0-9.]+) │ +([0-9.]+) / ([0-9.]+) │ +([0-9.]+) / ([0-9.]+)", capsys.readouterr().out)
     assert found
     share, *figures = map(float, found.groups())
