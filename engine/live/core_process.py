@@ -36,7 +36,7 @@ _PACKET = 1 << 16  # bytes; settings are less
 class _Answer(NamedTuple):
     result: Any
     error: Exception | None
-    released: list[int]  # frames that nobody there reads any more
+    released: list[int]  # numbers of frames that the process no longer reads
 
 
 class _Question(NamedTuple):
@@ -46,10 +46,10 @@ class _Question(NamedTuple):
 class ProcessCore:
     """A core in a process of its own (`core.Core`).
 
-    Every thread that calls has a thread over there that works for it. Frames go there as the name of the memory that
-    they lie in, where they have one (`Frame.lent`), and stay reserved until nobody there reads them. `make` is called
-    over there, with the arguments, and gives the core that does the work; it is pickled, as is what is asked and
-    answered. Raises CoreLostError where the process has ended; what the core raises is raised here.
+    Every thread that calls has a thread of that process working for it. A frame is sent as the name of the memory that
+    it lies in, where it has one (`Frame.lent`), and stays reserved until nobody reads it in that process. `make` is
+    called in that process, with the arguments, and gives the core that does the work; it is pickled, as are questions
+    and answers. Raises CoreLostError where the process has ended; what the core raises is raised here.
     """
 
     def __init__(self, make: Callable[..., Core], *arguments: Any) -> None:
@@ -62,7 +62,7 @@ class ProcessCore:
                 process_group=0,  # Ctrl-C is for who owns it
             )
         self._lines = threading.local()
-        self._frames: dict[int, Frame] = {}  # that are read over there
+        self._frames: dict[int, Frame] = {}  # that the process reads
         self._numbers = count()
         self._end = weakref.finalize(self, _end_later, self._control, self._process)
         self._end.atexit = False  # the end of this process is told by the system
@@ -73,7 +73,7 @@ class ProcessCore:
             raise
 
     def give_way(self, niceness: int) -> None:
-        """What the calling thread asks for is worked at behind everything else, over there."""
+        """The thread that works for the calling one gives way, in that process."""
         self._ask(_call, "give_way", niceness)
 
     def update(self, frame: Frame, look: Look, speeds: Mapping[str, float], f_vin: float) -> Updated:
@@ -90,7 +90,7 @@ class ProcessCore:
         return Updated(updated.stages, {**updated.status, "pid": self.pid})
 
     def picture(self, view: StereoView, viewer: str, encoding: str) -> EncodedPair:
-        """Both eyes' pictures of the newest frame, encoded over there."""
+        """Both eyes' pictures of the newest frame, encoded in that process."""
         pair: EncodedPair = self._ask(_call, "picture", view, viewer, encoding)
         return pair
 
@@ -102,17 +102,17 @@ class ProcessCore:
             raise self._lost() from error
 
     def mesh(self, file_format: str) -> bytes:
-        """The background model as a file, made over there."""
+        """The background model as a file, made in that process."""
         data: bytes = self._ask(_call, "mesh", file_format)
         return data
 
     def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
-        """What `work(core, *arguments)` gives over there: for looking into the process."""
+        """What `work(core, *arguments)` gives in that process: for looking into it."""
         return self._ask(_run, work, *arguments)
 
     @property
     def held_frames(self) -> int:
-        """How many frames are kept for who reads them over there."""
+        """How many frames stay reserved because the process reads them."""
         return len(self._frames)
 
     @property
@@ -132,7 +132,7 @@ class ProcessCore:
             line = self._line()
             line.send_bytes(message)
             while isinstance(answer := pickle.loads(line.recv_bytes()), _Question):
-                line.send_bytes(pickle.dumps(dict(look())))
+                line.send_bytes(pickle.dumps(self._seen(look)))
         except (EOFError, OSError) as error:
             raise self._lost() from error
         for number in answer.released:
@@ -141,14 +141,23 @@ class ProcessCore:
             raise answer.error
         return answer.result
 
+    def _seen(self, look: Look) -> dict[str, StereoView]:
+        """Where the viewers look; where that fails the line is given up, as an answer is still expected on it."""
+        try:
+            return dict(look())
+        except BaseException:
+            self._lines.line.close()
+            del self._lines.line
+            raise
+
     def _line(self) -> Connection:
-        """The calling thread's."""
-        if not hasattr(self._lines, "own"):
+        """The calling thread's connection to the thread that works for it."""
+        if not hasattr(self._lines, "line"):
             ours, theirs = socket.socketpair()
-            self._lines.own = Connection(ours.detach())
+            self._lines.line = Connection(ours.detach())
             with theirs:
                 socket.send_fds(self._control, [b"line"], [theirs.fileno()])
-        line: Connection = self._lines.own
+        line: Connection = self._lines.line
         return line
 
     def _lost(self) -> CoreLostError:
@@ -176,8 +185,8 @@ def _end_later(control: socket.socket, process: subprocess.Popen[bytes]) -> None
 # In the process of the core
 
 
-class _There:
-    """What the threads of the core's process have in common."""
+class _Host:
+    """What the threads of the core's process share: the core, and the frames that it reads."""
 
     def __init__(self) -> None:
         self.core: Core
@@ -205,30 +214,30 @@ class _There:
         return [self.released.popleft() for _ in range(len(self.released))]
 
 
-def _make(there: _There, line: Connection, make: Callable[..., Core], *arguments: Any) -> None:
-    there.core = make(*arguments)
+def _make(host: _Host, line: Connection, make: Callable[..., Core], *arguments: Any) -> None:
+    host.core = make(*arguments)
 
 
-def _call(there: _There, line: Connection, method: str, *arguments: Any) -> Any:
-    return getattr(there.core, method)(*arguments)
+def _call(host: _Host, line: Connection, method: str, *arguments: Any) -> Any:
+    return getattr(host.core, method)(*arguments)
 
 
-def _run(there: _There, line: Connection, work: Callable[..., Any], *arguments: Any) -> Any:
-    return work(there.core, *arguments)
+def _run(host: _Host, line: Connection, work: Callable[..., Any], *arguments: Any) -> Any:
+    return work(host.core, *arguments)
 
 
 def _update(
-    there: _There, line: Connection, number: int, what: Any, speeds: Mapping[str, float], f_vin: float
+    host: _Host, line: Connection, number: int, what: Any, speeds: Mapping[str, float], f_vin: float
 ) -> Updated:
     def look() -> Mapping[str, StereoView]:
         line.send_bytes(pickle.dumps(_Question()))
         views: dict[str, StereoView] = pickle.loads(line.recv_bytes())
         return views
 
-    frame = what if isinstance(what, Frame) else there.frame(number, *what)
-    updated = there.core.update(frame, look, speeds, f_vin)
-    there.updates += 1
-    if there.updates in SETTLES_AFTER:
+    frame = what if isinstance(what, Frame) else host.frame(number, *what)
+    updated = host.core.update(frame, look, speeds, f_vin)
+    host.updates += 1
+    if host.updates in SETTLES_AFTER:
         set_aside()
     return updated
 
@@ -236,36 +245,36 @@ def _update(
 def serve() -> NoReturn:
     """What the core's process does; the first argument is the number of its control socket."""
     sys.setswitchinterval(SWITCH_S)
-    control, there = socket.socket(fileno=int(sys.argv[1])), _There()
+    control, host = socket.socket(fileno=int(sys.argv[1])), _Host()
     while True:
         packet, files, _, _ = socket.recv_fds(control, _PACKET, 1)
         if files:
-            threading.Thread(target=_work, args=(there, Connection(files[0])), daemon=True).start()
+            threading.Thread(target=_work, args=(host, Connection(files[0])), daemon=True).start()
         elif packet:
-            there.core.retune(pickle.loads(packet))
+            host.core.retune(pickle.loads(packet))
         else:
             os._exit(0)  # whatever is under way: nobody waits for it any more
 
 
-def _work(there: _There, line: Connection) -> None:
+def _work(host: _Host, line: Connection) -> None:
     """Work for one thread, until it ends."""
     while True:
         try:
             message = line.recv_bytes()
+            line.send_bytes(_answer(host, line, message))
         except (EOFError, OSError):
             return
-        line.send_bytes(_answer(there, line, message))
         del message
 
 
-def _answer(there: _There, line: Connection, message: bytes) -> bytes:
+def _answer(host: _Host, line: Connection, message: bytes) -> bytes:
     try:
         work, *arguments = pickle.loads(message)
-        result = work(there, line, *arguments)
+        result = work(host, line, *arguments)
         del arguments
-        return pickle.dumps(_Answer(result, None, there.take_released()), protocol=5)
+        return pickle.dumps(_Answer(result, None, host.take_released()), protocol=5)
     except Exception as error:  # a boundary: it is raised where the work was asked for
-        return pickle.dumps(_Answer(None, _portable(error), there.take_released()))
+        return pickle.dumps(_Answer(None, _portable(error), host.take_released()))
 
 
 def _portable(error: Exception) -> Exception:

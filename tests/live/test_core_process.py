@@ -142,6 +142,16 @@ def test_where_viewers_look_is_asked_for_when_it_is_wanted(core: ProcessCore) ->
     assert first < second <= asked[0]
 
 
+def test_a_look_that_fails_fails_its_update_only(core: ProcessCore) -> None:
+    def look() -> dict[str, StereoView]:
+        raise KeyError("a viewer who has left")
+
+    with pytest.raises(KeyError, match="a viewer who has left"):
+        core.update(a_frame(0), look, {}, 30.0)
+    assert core.update(a_frame(1), looking, {}, 30.0).status["frame_index"] == 1
+    assert core.picture(VIEW, "a", "raw").report.frame_index == 1
+
+
 def test_what_the_core_raises_is_raised_here_and_it_goes_on(core: ProcessCore) -> None:
     with pytest.raises(IndexError):
         core.picture(VIEW, "a", "raw")  # before any frame
