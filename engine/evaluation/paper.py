@@ -114,10 +114,11 @@ def compare_with_paper(
 
 
 def _warm_up(recording: Recording, camera: str, settings: Settings) -> None:
-    """Compile or load what a run needs, with one view: otherwise the first run's first frame seems dear."""
-    names = recording.source_names[:1]
+    """Compile or load what a run needs, with a few views: otherwise the first run's first frame seems dear."""
+    names = recording.source_names[:3]
     engine, target = Engine([recording.camera(name) for name in names], settings), recording.camera(camera)
-    engine.update(recording.frame(0, names), {camera: target})
+    for frame in recording.frames(0, min(2, recording.frame_count), names):
+        engine.update(frame, {camera: target})
     engine.render_camera(target, camera)
 
 
