@@ -59,9 +59,9 @@ def _hit_uv(surface: I64, primitive: int, hu: float, hv: float) -> tuple[float, 
 
 @serial
 def _cast(
-    tracer: Tracer, camera: F64, surfaces: I64, present: Present, delta: Delta, x: int, y: int, hit: F64
+    tracer: Tracer, camera: F64, surfaces: I64, present: Present, delta: Delta, x: int, y: int, hits: F64, k: int
 ) -> int:
-    """What is shown behind a pixel's centre, into hit [_HIT_SIZE]: disparity (0: nothing), where in which capture's
+    """What is shown behind a pixel's centre, into hits[k] [_HIT_SIZE]: disparity (0: nothing), where in which capture's
     picture, geometry, primitive, distance; returns the rays cast."""
     u, v, rays = x + 0.5, y + 0.5, 1
     if present.table.shape[0] == 0:
@@ -71,36 +71,35 @@ def _cast(
             tracer, camera, u, v, surfaces, present, delta
         )
     if not distance > 0.0:
-        hit[_DISPARITY], hit[_CAPTURE] = 0.0, -1.0
+        hits[k, _DISPARITY], hits[k, _CAPTURE] = 0.0, -1.0
         return rays
-    hit[_DISPARITY], hit[_DISTANCE] = length / distance, distance
-    hit[_U], hit[_V] = _hit_uv(surfaces[geometry], primitive, hu, hv)
-    hit[_CAPTURE], hit[_GEOMETRY], hit[_PRIMITIVE] = surfaces[geometry, CAPTURE], geometry, primitive
+    hits[k, _DISPARITY], hits[k, _DISTANCE] = length / distance, distance
+    hits[k, _U], hits[k, _V] = _hit_uv(surfaces[geometry], primitive, hu, hv)
+    hits[k, _CAPTURE], hits[k, _GEOMETRY], hits[k, _PRIMITIVE] = surfaces[geometry, CAPTURE], geometry, primitive
     return rays
 
 
 @serial
-def _on_plane(tables: Tables, camera: F64, one: F64, other: F64, x: int, y: int) -> bool:
-    """Whether a hit, that of pixel (x, y), lies on the plane of another one's triangle (`one`), and both have their
-    colour near by."""
+def _on_plane(tables: Tables, camera: F64, hits: F64, a: int, b: int, x: int, y: int) -> bool:
+    """Whether hits[b], of pixel (x, y), lies on the plane of hits[a]'s triangle, and both have their colour near by."""
     if (
-        one[_CAPTURE] != other[_CAPTURE]
-        or one[_CAPTURE] < 0.0
-        or abs(one[_U] - other[_U]) > 0.5 * tables.captures[int(one[_CAPTURE]), WIDTH]
+        hits[a, _CAPTURE] != hits[b, _CAPTURE]
+        or hits[a, _CAPTURE] < 0.0
+        or abs(hits[a, _U] - hits[b, _U]) > 0.5 * tables.captures[int(hits[a, _CAPTURE]), WIDTH]
     ):
         return False
-    if one[_PRIMITIVE] == other[_PRIMITIVE] and one[_GEOMETRY] == other[_GEOMETRY]:
+    if hits[a, _PRIMITIVE] == hits[b, _PRIMITIVE] and hits[a, _GEOMETRY] == hits[b, _GEOMETRY]:
         return True
-    surface = tables.surfaces[int(one[_GEOMETRY])]
-    p, q, r = _corners(surface, int(one[_PRIMITIVE]))
+    surface = tables.surfaces[int(hits[a, _GEOMETRY])]
+    p, q, r = _corners(surface, int(hits[a, _PRIMITIVE]))
     p, q, r = surface[POINTS] + 12 * p, surface[POINTS] + 12 * q, surface[POINTS] + 12 * r
     px, py, pz = load_f32(p), load_f32(p + 4), load_f32(p + 8)
     ex, ey, ez = load_f32(q) - px, load_f32(q + 4) - py, load_f32(q + 8) - pz
     fx, fy, fz = load_f32(r) - px, load_f32(r + 4) - py, load_f32(r + 8) - pz
     nx, ny, nz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
-    bx, by, bz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / other[_DISPARITY])
+    bx, by, bz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / hits[b, _DISPARITY])
     off = abs(nx * (bx - px) + ny * (by - py) + nz * (bz - pz))
-    return off <= _FLAT * other[_DISTANCE] * math.sqrt(nx * nx + ny * ny + nz * nz)
+    return off <= _FLAT * hits[b, _DISTANCE] * math.sqrt(nx * nx + ny * ny + nz * nz)
 
 
 @serial
@@ -131,11 +130,11 @@ def _colour(captures: I64, hits: F64, y: U16, pair: int, column: int) -> tuple[f
 
 
 @serial
-def _mean(hit: F64, one: F64, other: F64) -> None:
-    """Puts the middle of two hits of one plane into a hit."""
-    hit[_CAPTURE] = one[_CAPTURE]
+def _mean(hits: F64, k: int, grid: F64, a: int, b: int) -> None:
+    """Puts the middle of two hits of one plane into hits[k]."""
+    hits[k, _CAPTURE] = grid[a, _CAPTURE]
     for i in (_DISPARITY, _U, _V):
-        hit[i] = 0.5 * (one[i] + other[i])
+        hits[k, i] = 0.5 * (grid[a, i] + grid[b, i])
 
 
 @inlined
@@ -150,45 +149,46 @@ def _is_wanted(wanted: U8, pair: int, column: int, before: int) -> bool:
 
 @parallel
 def _cast_grid(
-    tracer: Tracer, camera: F64, surfaces: I64, present: Present, delta: Delta, wanted: U8, grid: F64,
-) -> int:  # fmt: skip
-    """Casts rays through every second pixel both ways, into grid [rows, columns, _HIT_SIZE]; returns the rays."""
+    tracer: Tracer, camera: F64, surfaces: I64, present: Present, delta: Delta, wanted: U8, columns: int, grid: F64
+) -> int:
+    """Casts rays through every second pixel both ways, into grid [rows * columns, _HIT_SIZE]; returns the rays."""
     rays = 0
-    for pair in numba.prange(grid.shape[0]):
-        for column in range(grid.shape[1]):
+    for pair in numba.prange(grid.shape[0] // columns):
+        for column in range(columns):
             if _is_wanted(wanted, pair, column, 1):
-                hit = grid[pair, column]
-                rays += _cast(tracer, camera, surfaces, present, delta, 2 * column, 2 * pair, hit)
+                k = pair * columns + column
+                rays += _cast(tracer, camera, surfaces, present, delta, 2 * column, 2 * pair, grid, k)
     return rays
 
 
 @serial
 def _complete(
-    tracer: Tracer, camera: F64, tables: Tables, present: Present, delta: Delta,
-    grid: F64, sparse: bool, pixel: tuple[int, int], size: tuple[int, int], hits: F64,
+    tracer: Tracer, camera: F64, tables: Tables, present: Present, delta: Delta, grid: F64, sparse: bool,
+    pixel: tuple[int, int], size: tuple[int, int], hits: F64,
 ) -> int:  # fmt: skip
     """Fills hits [4, _HIT_SIZE] of the 2x2 pixels from `pixel` (row, column; even) on; returns the rays cast."""
+    # Hits are named by their numbers in an array: a view of each would be counted as a reference, by all threads.
     (row, x), (h, w) = pixel, size
-    pair, column, rays = row // 2, x // 2, 0
-    inside = sparse and pair + 1 < grid.shape[0] and column + 1 < grid.shape[1]
-    own = grid[pair, column]
+    rows, columns, rays = (h + 1) // 2, (w + 1) // 2, 0
+    own = row // 2 * columns + x // 2
+    right, below = own + 1, own + columns
+    inside = sparse and row // 2 + 1 < rows and x // 2 + 1 < columns
     for i in range(_HIT_SIZE):
-        hits[0, i] = own[i]
-    flat_right = inside and _on_plane(tables, camera, own, grid[pair, column + 1], x + 2, row)
-    flat_below = inside and _on_plane(tables, camera, own, grid[pair + 1, column], x, row + 2)
+        hits[0, i] = grid[own, i]
+    flat_right = inside and _on_plane(tables, camera, grid, own, right, x + 2, row)
+    flat_below = inside and _on_plane(tables, camera, grid, own, below, x, row + 2)
     if flat_right:
-        _mean(hits[1], own, grid[pair, column + 1])
+        _mean(hits, 1, grid, own, right)
     elif x + 1 < w:
-        rays += _cast(tracer, camera, tables.surfaces, present, delta, x + 1, row, hits[1])
+        rays += _cast(tracer, camera, tables.surfaces, present, delta, x + 1, row, hits, 1)
     if flat_below:
-        _mean(hits[2], own, grid[pair + 1, column])
+        _mean(hits, 2, grid, own, below)
     elif row + 1 < h:
-        rays += _cast(tracer, camera, tables.surfaces, present, delta, x, row + 1, hits[2])
-    across = flat_right and flat_below
-    if across and _on_plane(tables, camera, own, grid[pair + 1, column + 1], x + 2, row + 2):
-        _mean(hits[3], own, grid[pair + 1, column + 1])
+        rays += _cast(tracer, camera, tables.surfaces, present, delta, x, row + 1, hits, 2)
+    if flat_right and flat_below and _on_plane(tables, camera, grid, own, below + 1, x + 2, row + 2):
+        _mean(hits, 3, grid, own, below + 1)
     elif x + 1 < w and row + 1 < h:
-        rays += _cast(tracer, camera, tables.surfaces, present, delta, x + 1, row + 1, hits[3])
+        rays += _cast(tracer, camera, tables.surfaces, present, delta, x + 1, row + 1, hits, 3)
     return rays
 
 
@@ -224,9 +224,10 @@ def _finish(
 ) -> int:  # fmt: skip
     """What `render_pbi` does, when the grid of every second pixel is there; returns the rays cast."""
     rays = 0
-    for pair in numba.prange(grid.shape[0]):
+    rows, columns = picture.cb.shape
+    for pair in numba.prange(rows):
         hits = np.empty((4, _HIT_SIZE))
-        for column in range(grid.shape[1]):
+        for column in range(columns):
             if not _is_wanted(wanted, pair, column, 0):
                 _leave_out(pair, column, picture)
                 continue
@@ -249,6 +250,7 @@ def render_pbi(
     they do not meet one plane. Chroma is the mean over the pixels of a 2x2 that are not holes. Cells that are not
     `wanted` (see `uncovered`; one with no elements: all are) are left as holes.
     """
-    grid = np.empty((*picture.cb.shape, _HIT_SIZE))
-    rays = _cast_grid(tracer, camera, tables.surfaces, present, delta, wanted, grid)
+    rows, columns = picture.cb.shape
+    grid = np.empty((rows * columns, _HIT_SIZE))
+    rays = _cast_grid(tracer, camera, tables.surfaces, present, delta, wanted, columns, grid)
     return rays + _finish(tracer, camera, coding, tables, present, delta, sparse, wanted, grid, picture)
