@@ -127,7 +127,7 @@ def test_farthest_hits_are_the_slow_twins(projection, orientation, seed, scale, 
     pbs.commit()
     found = np.empty((camera.height, camera.width))
     farthest_distances(pbs.tracer.packed, camera.packed(), found)
-    extent = float(np.ptp(pbs.bounds, axis=0).max())
+    extent = float(np.ptp(pbs.tracer.packed.bounds, axis=0).max())
     for y, x in np.ndindex(found.shape):
         start, along = pixel_ray(camera, x + 0.5, y + 0.5)
         t = hit_distances(start, along, mesh.points, mesh.triangles)

@@ -6,6 +6,7 @@ import dataclasses
 import gc
 import sys
 import types
+import weakref
 
 import numpy as np
 import pytest
@@ -36,6 +37,8 @@ def reachable(*roots):
     found, waiting = {}, list(roots)
     while waiting:
         one = waiting.pop()
+        if type(one) in weakref.ProxyTypes:  # of whatever ran before: what it stood for may be gone
+            continue
         if id(one) not in found and not isinstance(one, type | types.ModuleType | types.FunctionType | Poison):
             found[id(one)] = one
             waiting += gc.get_referents(one)
