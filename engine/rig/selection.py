@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..support.array_types import F64
-from ..support.packed import HEIGHT, KIND, PERSPECTIVE, POSITION_SLICE, PROJECTION_SLICE, ROTATION_SLICE, WIDTH
+from ..support.packed import KIND, PERSPECTIVE, POSITION_SLICE, ROTATION, ROTATION_SLICE, WIDTH
 from .camera import Camera
 
 __all__ = ["likely_views", "select_views", "view_shares"]
@@ -123,8 +123,8 @@ def _inside(cameras: F64, to_points: F64) -> npt.NDArray[np.bool_]:
     packed = cameras[:, None]
     local = to_points @ cameras[:, ROTATION_SLICE].reshape(-1, 3, 3)
     x, y, z = np.moveaxis(local, -1, 0)
-    width, height, flat = packed[..., WIDTH], packed[..., HEIGHT], packed[..., KIND] == PERSPECTIVE
-    fx, fy, cx, cy = np.moveaxis(packed[..., PROJECTION_SLICE], -1, 0)
+    flat = packed[..., KIND] == PERSPECTIVE
+    width, height, fx, fy, cx, cy = np.moveaxis(packed[..., WIDTH:ROTATION], -1, 0)
     phi_max, radians_a_column, theta_max, radians_a_row = fx, fy, cx, cy  # of an equirectangular camera
     with np.errstate(divide="ignore", invalid="ignore"):
         middle = 0.5 * width * radians_a_column

@@ -56,7 +56,8 @@ def test_every_file_of_kernels_has_run(uncompiled):
 
 
 def test_what_lies_beyond_an_array_is_refused_by_name_and_index():
-    codes = np.arange(35, dtype=np.uint16).reshape(5, 7)
+    codes = np.empty((5, 7), np.uint16)
+    codes.ravel()[:] = np.arange(35)
     address = codes.ctypes.data
     assert memory_numpy.load_u16(address, 34) == 34
     with pytest.raises(IndexError, match=r"codes in test_what_lies.*uint16 \[5, 7\].*index 35 of 2 bytes"):
