@@ -43,7 +43,7 @@ SECTIONS = (
         ("paper", "--scale", "0.25", "--frames", "21", "--every", "5"),
         "`paper` is the preset of that name. Holes are fractions of pixels before filling; times are wall times of a "
         "picture, a frame's update and the first frame; drawn are triangles a picture, modelled those of the model. "
-        "Memory is that of the model's images and surfaces.",
+        "Memory is that of the model's images and surfaces, and of the ray tracer.",
         reports=True,
     ),
     Section(

@@ -86,8 +86,11 @@ class ModelParts:
 
     @property
     def memory(self) -> dict[str, int]:
-        """Bytes: images (what each camera has seen, by pixel) and surfaces (triangles, their points and marks)."""
-        return {"images": self._captures.memory, "surfaces": self._pbs.memory}
+        """Bytes: images (what each camera has seen, by pixel), surfaces (triangles, their points and marks) and
+        ray_tracer (its hierarchies over the surfaces)."""
+        return {
+            "images": self._captures.memory, "surfaces": self._pbs.memory, "ray_tracer": self._pbs.tracer.memory,
+        }  # fmt: skip
 
     def _present(self, views: ViewTable | None, near: float) -> Present:
         return Present(near, views, {c: self._captures.current[c].image.codes for c in self._rig.fixed()})

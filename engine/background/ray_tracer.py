@@ -44,6 +44,10 @@ class RayTracer(Protocol):
     `kernels.base.tolerance`. Operations return how many rays they cast.
     """
 
+    @property
+    def memory(self) -> int:
+        """Bytes of its own: what it keeps besides the arrays of the surfaces."""
+
     def set(self, geometry: int, surface: Surface) -> None:
         """Puts a surface under a number, in the place of the one that was there."""
 
@@ -89,6 +93,11 @@ class EmbreeTracer:
         self._surfaces = np.zeros((0, SURFACE_SIZE), np.int64)
         self._marks = np.zeros((0, MARKS_SIZE), np.int64)
         self.packed = Tracer(intersect_address(), occluded_address(), self._scene.address, np.zeros((2, 3)))
+
+    @property
+    def memory(self) -> int:
+        """See `RayTracer`."""
+        return self._scene.memory
 
     def set(self, geometry: int, surface: Surface) -> None:
         """See `RayTracer`."""

@@ -29,7 +29,7 @@ class PaperRow:
     psnr_y, iv_psnr: dB. holes_warped, holes_backdrop: fractions of pixels before and after the backdrop. drawn:
     triangles drawn a picture. Of the run, the same for all cameras: picture_s and update_s, median wall times of a
     picture and of a frame's update; first_s, the first frame's update; modelled: triangles of the model after the last
-    frame; model_bytes: its images and surfaces, without the ray tracer's tree.
+    frame; model_bytes: its images, its surfaces and the ray tracer's hierarchies over them.
     """
 
     recording: str

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..kernels.background.embree_memory import count_bytes
 from ..kernels.background.rays import mark_and_pass, skip_invalid
 from ..support.runtime import thread_count
 
@@ -50,6 +51,7 @@ def _library() -> Any:
     prototypes: dict[str, tuple[Any, tuple[Any, ...]]] = {
         "NewDevice": (pointer, (ctypes.c_char_p,)),
         "ReleaseDevice": (None, (pointer,)),
+        "SetDeviceMemoryMonitorFunction": (None, (pointer, pointer, pointer)),
         "GetDeviceError": (ctypes.c_int, (pointer,)),
         "GetDeviceLastErrorMessage": (ctypes.c_char_p, (pointer,)),
         "NewScene": (pointer, (pointer,)),
@@ -102,8 +104,10 @@ class RayScene:
         self._device = rtc.rtcNewDevice(config.encode())
         if not self._device:
             raise EmbreeError(f"no Embree device: error {rtc.rtcGetDeviceError(None)} (config {config!r})")
+        self._allocated = np.zeros(1, np.int64)  # bytes; Embree's threads count them
+        rtc.rtcSetDeviceMemoryMonitorFunction(self._device, count_bytes.address, self._allocated.ctypes.data)
         self._scene = rtc.rtcNewScene(self._device)
-        self._release = weakref.finalize(self, _release, self._scene, self._device)
+        self._release = weakref.finalize(self, _release, self._scene, self._device, self._allocated)
         self._buffers: dict[int, tuple[npt.NDArray[Any], ...]] = {}  # Embree reads them; it owns none
         self._retired: list[tuple[npt.NDArray[Any], ...]] = []  # of meshes taken away since the last commit
         # Robust: without it rays leak through shared edges. Low: a hierarchy per geometry, under a common top.
@@ -114,6 +118,11 @@ class RayScene:
     def address(self) -> int:
         """The scene as kernels take it."""
         return int(self._scene)
+
+    @property
+    def memory(self) -> int:
+        """Bytes: what Embree has allocated (mostly its hierarchies), and the copies of the points that it reads."""
+        return int(self._allocated[0]) + sum(points.nbytes for points, _triangles, _invalid in self._buffers.values())
 
     def set(
         self,
@@ -180,7 +189,8 @@ class RayScene:
         return result
 
 
-def _release(scene: int, device: int) -> None:
+def _release(scene: int, device: int, allocated: npt.NDArray[np.int64]) -> None:
+    """Ends a scene and its device; the count of its memory must outlive both."""
     _library().rtcReleaseScene(scene)
     _library().rtcReleaseDevice(device)
 

@@ -192,3 +192,23 @@ def test_flags_of_another_shape_are_refused():
     points, triangles = height_field(4, 2.0)
     with pytest.raises(ValueError, match=r"invalid: uint8 \(3,\): expected uint8 \[18\]"):
         RayScene().set(0, points, triangles, np.zeros(3, np.uint8))
+
+
+def test_memory_follows_the_meshes_and_ends_with_them():
+    scene, _flags = scene_of()
+    empty = scene.memory
+    sizes = []
+    for n in (20, 80, 160):
+        points, triangles = height_field(n, 5.0)
+        scene.set(0, points, triangles, np.zeros(len(triangles), np.uint8))
+        scene.commit()
+        sizes.append(scene.memory - empty)
+    # A copied point takes 12 bytes. A triangle takes a leaf and its share of the nodes: tens to hundreds of bytes.
+    assert sizes[0] < sizes[1] < sizes[2]
+    assert 12 * len(points) + 20 * len(triangles) < sizes[2] < 12 * len(points) + 400 * len(triangles)
+    scene.remove(0)
+    scene.commit()
+    assert scene.memory - empty < 0.2 * sizes[2]
+    counted = scene._allocated
+    del scene
+    assert counted[0] == 0

@@ -38,6 +38,7 @@ class SlowTracer:
 
     def __init__(self):
         self._waiting, self._surfaces = {}, {}
+        self.memory = 0
 
     def set(self, geometry, surface):
         self._waiting[geometry] = surface

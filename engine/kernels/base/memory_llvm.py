@@ -13,6 +13,7 @@ from .vectors_llvm import FLOATS, INTEGERS, LANES, MASK, call_intrinsic, ir_type
 __all__ = [
     "BEYOND",
     "VECTOR_BYTES",
+    "add_atomically",
     "gather_bytes",
     "gather_floats",
     "gather_halves",
@@ -46,6 +47,11 @@ def load_as(builder: Any, address: Any, kind: Any, align: int | None = None) -> 
 def store_as(builder: Any, value: Any, address: Any, align: int | None = None) -> None:
     """Code that stores a value at an address that is a multiple of `align` bytes."""
     builder.store(value, builder.inttoptr(address, ir.PointerType()), align=align)
+
+
+def add_atomically(builder: Any, value: Any, address: Any) -> None:
+    """Code that adds an integer to the one at an address; threads that add at the same time lose nothing."""
+    builder.atomic_rmw("add", builder.inttoptr(address, value.type.as_pointer()), value, "monotonic")
 
 
 def _pointer(builder: Any, element: Any, address: Any, index: Any) -> Any:
