@@ -16,6 +16,7 @@ from ..geometry.prepared_view import ViewTable
 from ..kernels.background import standing
 from ..kernels.background.captures import CAPTURE_SIZE, CB, CODES, CR, Y, sample_colours
 from ..kernels.background.standing import FARTHEST
+from ..kernels.base.memory import address_of
 from ..rig.camera import Pose
 from ..support.array_types import F32, F64, I64, U16
 from .maximum_depth import MaximumDepthImage
@@ -116,5 +117,5 @@ class Present:
             return standing.Present(self.near, np.empty((0, 0)), np.empty((0, 2), np.int64))
         codes: npt.NDArray[np.int64] = np.repeat(self.views.addresses[:, :1], 2, axis=1)
         for camera, seen in self.memory.items():
-            codes[camera, FARTHEST] = seen.ctypes.data
+            codes[camera, FARTHEST] = address_of(seen)
         return standing.Present(self.near, self.views.rows, codes)

@@ -15,6 +15,7 @@ from ..kernels.background.maximum_depth import PHASES, TILE, update_maximum_dept
 from ..kernels.background.nontrivial import Rules, prepare_limits
 from ..kernels.background.picture import Picture
 from ..kernels.background.surfaces import Triangles
+from ..kernels.base.memory import address_of
 from ..kernels.base.tone import IDENTITY
 from ..rig.camera import Camera
 from ..rig.depth import DepthCoding
@@ -139,7 +140,7 @@ class MaximumDepthImage:
 
     def table_row(self) -> list[int]:
         """The image as `kernels.background.captures` reads it."""
-        addresses = [plane.ctypes.data for plane in (*_planes(self.texture), self.codes)]
+        addresses = [address_of(plane) for plane in (*_planes(self.texture), self.codes)]
         return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), self._edge]
 
 

@@ -20,11 +20,12 @@ from ..kernels.background.surfaces import (
     MARKS,
     MARKS_SIZE,
     POINTS,
-    STRIDE,
     SURFACE_SIZE,
     TRIANGLES,
     UV,
+    WORDS,
 )
+from ..kernels.base.memory import address_of
 from ..kernels.base.tolerance import Delta
 from ..rig.frame import View
 from ..support.array_types import F64, I64, U8
@@ -106,9 +107,9 @@ class EmbreeTracer:
         if missing := max(geometry + 1 - len(self._surfaces), 0):
             self._surfaces = np.pad(self._surfaces, ((0, missing), (0, 0)))
             self._marks = np.pad(self._marks, ((0, missing), (0, 0)))
-        self._marks[geometry, [MARKS, STRIDE]] = marks.ctypes.data, marks.strides[0]
+        self._marks[geometry, [MARKS, WORDS]] = address_of(marks), marks.strides[0] // marks.itemsize
         for column, array in ((TRIANGLES, mesh.triangles), (UV, mesh.uv), (POINTS, mesh.points)):
-            self._surfaces[geometry, column] = array.ctypes.data
+            self._surfaces[geometry, column] = address_of(array)
         self._surfaces[geometry, [CAMERA, CAPTURE]] = surface.camera, surface.capture
 
     def commit(self) -> None:

@@ -17,8 +17,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..kernels.background.embree_memory import count_bytes
-from ..kernels.background.rays import mark_and_pass, skip_invalid
+from ..kernels.background.embree_callbacks import (
+    BITS,
+    CONTEXT_SIZE,
+    TABLE,
+    WORD,
+    count_bytes,
+    mark_and_pass,
+    skip_invalid,
+)
+from ..kernels.base.memory import address_of
 from ..support.runtime import thread_count
 
 __all__ = ["EmbreeError", "MarkQuery", "RayScene", "intersect_address", "occluded_address"]
@@ -82,7 +90,7 @@ def _library() -> Any:
 
 
 def intersect_address() -> int:
-    """The address of rtcIntersect1, as `kernels.background.rays.intersect1` takes it."""
+    """The address of rtcIntersect1, as `kernels.background.intersect.intersect1` takes it."""
     return int(ctypes.cast(_library().rtcIntersect1, ctypes.c_void_p).value or 0)
 
 
@@ -105,7 +113,7 @@ class RayScene:
         if not self._device:
             raise EmbreeError(f"no Embree device: error {rtc.rtcGetDeviceError(None)} (config {config!r})")
         self._allocated = np.zeros(1, np.int64)  # bytes; Embree's threads count them
-        rtc.rtcSetDeviceMemoryMonitorFunction(self._device, count_bytes.address, self._allocated.ctypes.data)
+        rtc.rtcSetDeviceMemoryMonitorFunction(self._device, count_bytes.address, address_of(self._allocated))
         self._scene = rtc.rtcNewScene(self._device)
         self._release = weakref.finalize(self, _release, self._scene, self._device, self._allocated)
         self._buffers: dict[int, tuple[npt.NDArray[Any], ...]] = {}  # Embree reads them; it owns none
@@ -148,7 +156,7 @@ class RayScene:
             self._call("SetGeometryBuildQuality", geometry, _LOW)
             self._share(geometry, _VERTEX, _FLOAT3, padded, len(points))
             self._share(geometry, _INDEX, _UINT3, triangles, len(triangles))
-            self._call("SetGeometryUserData", geometry, invalid.ctypes.data)
+            self._call("SetGeometryUserData", geometry, address_of(invalid))
             self._call("SetGeometryIntersectFilterFunction", geometry, skip_invalid.address)
             self._call("SetGeometryOccludedFilterFunction", geometry, skip_invalid.address)
             self._call("SetGeometryEnableFilterFunctionFromArguments", geometry, True)
@@ -198,23 +206,24 @@ def _release(scene: int, device: int, allocated: npt.NDArray[np.int64]) -> None:
 class MarkQuery:
     """Arguments of a ray query that sets bits in the marks of every triangle on the ray's interval.
 
-    `marks` is an int64 [geometries, 2] table: the address of a geometry's uint64 marks and their stride in
-    bytes; `word` and `bits` say which word of a triangle's marks gets which bits.
+    `marks` is a table of marks (`kernels.background.surfaces`): int64 [geometries, 2], the address of a geometry's
+    uint64 marks and how many there are for each triangle; `word` and `bits` say which word of a triangle's marks gets
+    which bits.
     """
 
     def __init__(self, marks: npt.NDArray[np.int64], word: int, bits: int) -> None:
-        # RTCRayQueryContext (instID, instPrimID), padded to 16 bytes, then what mark_and_pass reads.
         self._table = marks
-        self._context = np.array([-1, -1, marks.ctypes.data, 8 * word, _signed(bits)], np.int64)
+        self._context = np.full(CONTEXT_SIZE, -1, np.int64)  # of no instance; then what mark_and_pass reads
+        self._context[[TABLE, WORD, BITS]] = address_of(marks), word, _signed(bits)
         # RTCIntersectArguments: flags, feature_mask, context, filter, and room for its optional fields.
         self._arguments = np.zeros(8, np.int64)
         self._arguments[0] = _signed(_ALL_FEATURES << 32)
-        self._arguments[1] = self._context.ctypes.data
+        self._arguments[1] = address_of(self._context)
         self._arguments[2] = mark_and_pass.address
 
     @property
     def address(self) -> int:
-        """The query as `kernels.background.rays.intersect1` takes it; valid while this object lives."""
+        """The query as `kernels.background.intersect.intersect1` takes it; valid while this object lives."""
         return int(self._arguments.ctypes.data)
 
 

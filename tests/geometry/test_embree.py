@@ -4,7 +4,10 @@ import numba
 import numpy as np
 import pytest
 from farside.engine.geometry.embree import EmbreeError, MarkQuery, RayScene, intersect_address, occluded_address
-from farside.engine.kernels.background.rays import BESIDE_PX, INVALID_ID, Tracer, farthest_hit, intersect1, is_free
+from farside.engine.kernels.background.intersect import intersect1
+from farside.engine.kernels.background.ray_hit import INVALID_ID
+from farside.engine.kernels.background.rays import BESIDE_PX, Tracer, farthest_hit, is_free
+from farside.engine.kernels.base.memory import address_of
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.support import runtime
@@ -154,7 +157,7 @@ def test_a_marking_ray_passes_through_and_marks_all():
     sheets = [height_field(5, x, seed=int(x)) for x in (2.0, 3.0, 4.0)]
     scene, flags = scene_of(*sheets)
     marks = [np.zeros((len(triangles), 2), np.uint64) for _points, triangles in sheets]
-    table = np.array([(m.ctypes.data, 16) for m in marks], np.int64)
+    table = np.array([(address_of(m), 2) for m in marks], np.int64)
     query = MarkQuery(table, 1, 1 << 63)
     flags[1][:] = 1
     origin, direction = np.float32([0, 0.3, 0.2]), np.float32([1, 0.1, -0.05])

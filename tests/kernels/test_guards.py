@@ -246,14 +246,18 @@ COVERED = {
 }
 # What only kernels of these files call.
 INSIDE = {
+    "background/intersect": ("background/culling", "background/rays", "background/standing"),
     "background/rays": (
-        "background/captures", "background/culling", "background/hidden", "background/pbi",
+        "background/culling", "background/hidden", "background/pbi", "background/standing",
         "background/triangle_filter",
     ),
     "background/standing": ("background/hidden", "background/pbi"),
     "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangle_words"),
     "base/sight": ("background/standing", "rendering/backdrop"),
-    "base/memory": ("rendering/backdrop", "rendering/blocks", "rendering/shade", "rendering/sorting"),
+    "base/memory": (
+        "background/captures", "background/culling", "background/pbi", "background/uncovered", "rendering/backdrop",
+        "rendering/blocks", "rendering/shade", "rendering/sorting",
+    ),
     "geometry/rims": ("geometry/triangulate",),
     "geometry/triangle_words": ("geometry/triangulate",),
     "rendering/cells": ("rendering/shade",),
@@ -264,11 +268,12 @@ INSIDE = {
     "rendering/texels": ("rendering/look",),
     "rendering/winner_colour": ("rendering/shade",),
 }
-# Rays in numbers: in no picture, and they read nothing but what other rays do. And what runs where nothing is compiled.
-ASIDE = {"evaluation/leaks", "base/live_arrays"}
-MEMORY = {"lanes", "memory", "rays"}  # what reads and writes at addresses
+# Rays in numbers: in no picture, and they read nothing but what other rays do. What Embree calls, not the engine: in
+# every case that casts rays. And what runs where nothing is compiled.
+ASIDE = {"evaluation/leaks", "background/embree_callbacks", "background/intersect_numpy", "base/live_arrays"}
+MEMORY = {"intersect", "lanes", "memory"}  # what reads and writes at addresses
 # What takes addresses from others.
-THROUGH = {"cells", "lens", "look", "present", "sight", "strips", "standing", "texels", "winner_colour"}
+THROUGH = {"cells", "lens", "look", "present", "rays", "sight", "strips", "standing", "texels", "winner_colour"}
 
 
 @functools.cache

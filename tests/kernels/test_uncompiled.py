@@ -15,7 +15,7 @@ from support import uncompiled_cases
 KERNELS = Path(live_arrays.__file__).parents[1]
 TESTS = Path(uncompiled_cases.__file__).parents[1]
 # What cannot run so: Embree is called, and calls back, by code of LLVM's.
-COMPILED_ONLY = ("background/", "evaluation/leaks")
+COMPILED_ONLY = ("background/", "evaluation/leaks", "base/callbacks")
 
 
 @pytest.fixture(scope="module")

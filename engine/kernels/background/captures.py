@@ -11,7 +11,7 @@ import numba
 
 from ...support.array_types import F32, I64
 from ..base.jit import inlined, parallel, serial
-from .rays import load_u16
+from ..base.memory import load_u16
 
 __all__ = [
     "CAPTURE_SIZE", "CB", "CODES", "CR", "EDGE", "HEIGHT", "WIDTH", "WRAPS", "Y", "chroma_at", "luma_at",
@@ -20,11 +20,6 @@ __all__ = [
 
 Y, CB, CR, CODES, WIDTH, HEIGHT, WRAPS, EDGE = range(8)  # EDGE: the step between codes that is a depth edge
 CAPTURE_SIZE = 8
-
-
-@inlined
-def _load(plane: int, index: int) -> int:
-    return numba.int64(load_u16(plane + 2 * index))
 
 
 @inlined
@@ -42,13 +37,13 @@ def luma_at(capture: I64, u: float, v: float) -> float:
     fx, fy = x - x0, y - y0
     left, right = _clamped(int(x0), width, wraps), _clamped(int(x0) + 1, width, wraps)
     top, low = width * _clamped(int(y0), height, False), width * _clamped(int(y0) + 1, height, False)
-    nearest = _load(capture[CODES], (right if fx >= 0.5 else left) + (low if fy >= 0.5 else top))
+    nearest = load_u16(capture[CODES], (right if fx >= 0.5 else left) + (low if fy >= 0.5 else top))
     total, weights = 0.0, 0.0
     for k in range(4):
         index = (right if k & 1 else left) + (low if k >> 1 else top)
         weight = (fx if k & 1 else 1 - fx) * (fy if k >> 1 else 1 - fy)
-        if abs(_load(capture[CODES], index) - nearest) <= capture[EDGE]:
-            total += weight * _load(capture[Y], index)
+        if abs(load_u16(capture[CODES], index) - nearest) <= capture[EDGE]:
+            total += weight * load_u16(capture[Y], index)
             weights += weight
     return total / weights
 
@@ -66,8 +61,8 @@ def chroma_at(capture: I64, u: float, v: float) -> tuple[float, float]:
     for k in range(4):
         index = (right if k & 1 else left) + (low if k >> 1 else top)
         weight = (fx if k & 1 else 1 - fx) * (fy if k >> 1 else 1 - fy)
-        blue += weight * _load(capture[CB], index)
-        red += weight * _load(capture[CR], index)
+        blue += weight * load_u16(capture[CB], index)
+        red += weight * load_u16(capture[CR], index)
     return blue, red
 
 

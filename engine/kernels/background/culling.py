@@ -14,11 +14,14 @@ import numpy as np
 from ...support.array_types import F64, I64, U8, U64
 from ...support.packed import HEIGHT, WIDTH
 from ..base.jit import inlined, parallel, serial
+from ..base.memory import or_u64
 from ..base.project import project_point
 from ..base.tolerance import Delta, delta_at
+from .intersect import intersect1
 from .lines import along, from_camera
-from .rays import INVALID_ID, ROUNDING, Tracer, distance_to_exit, intersect1, is_free, or_u64, outside_ray
-from .surfaces import MARKS, STRIDE, Triangles
+from .ray_hit import INVALID_ID
+from .rays import ROUNDING, Tracer, distance_to_exit, is_free, outside_ray
+from .surfaces import MARKS, WORDS, Triangles
 
 __all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "extent_px", "list_unmarked", "mark_by_pixel", "mark_by_triangle"]
 
@@ -52,8 +55,8 @@ def _mark_along(
     )
     if geometry == INVALID_ID:
         return 1
-    address = marks[geometry, MARKS] + numba.int64(primitive) * marks[geometry, STRIDE] + 8 * word
-    or_u64(address, numba.uint64(bits))
+    index = numba.int64(primitive) * marks[geometry, WORDS] + word
+    or_u64(marks[geometry, MARKS], index, numba.uint64(bits))
     half = 0.5 * delta_at(delta, far - t)
     if half <= 0.0:
         return 1

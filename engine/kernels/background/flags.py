@@ -9,12 +9,13 @@ from ...support.array_types import U8, U16
 from ..base.jit import inlined, parallel
 from .nontrivial import Rules
 
-__all__ = ["FRESH", "KEPT", "PROVISIONAL", "TRIED", "UPDATED", "beside_nearer", "coloured", "mark_provisional"]
+__all__ = ["ALL", "FRESH", "KEPT", "PROVISIONAL", "TRIED", "UPDATED", "beside_nearer", "coloured", "mark_provisional"]
 
 # UPDATED: changed since the camera's last turn; KEPT: it belongs to the P-PBS. Provisional colours are fresh, or were
 # tried and still beside something nearer: these wait for a change. (`triangle_filter` has more bits for itself.)
 UPDATED, KEPT, FRESH, TRIED = 1, 2, 4, 8
 PROVISIONAL = FRESH | TRIED
+ALL = 255
 
 
 @inlined
@@ -31,7 +32,7 @@ def beside_nearer(codes: U16, row: int, x: int, edge: int) -> bool:
 @inlined
 def coloured(flags: int, provisional: int) -> int:
     """A pixel's flags with another state of its colour."""
-    return (flags & ~PROVISIONAL) | provisional
+    return (flags & (ALL ^ PROVISIONAL)) | provisional
 
 
 @parallel

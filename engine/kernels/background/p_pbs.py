@@ -11,7 +11,7 @@ import numba
 
 from ...support.array_types import B1, F32, I32, U8, U64
 from ..base.jit import inlined, parallel, serial
-from .flags import KEPT
+from .flags import ALL, KEPT
 from .surfaces import Triangles
 
 __all__ = ["clear_culled", "inherit_marks", "paint_triangles"]
@@ -70,7 +70,7 @@ def clear_culled(mesh: Triangles, invalid: U8, wraps: bool, numbers: I32, flags:
         for y in range(max(y0, 0), min(y1, h)):
             for x in range(x0, x1):
                 if (wraps or (x >= 0 and x < w)) and numbers[y, x % w] < 0 and _covers(uv, a, b, c, x, y):
-                    flags[y, x % w] &= ~KEPT
+                    flags[y, x % w] &= ALL ^ KEPT
 
 
 @inlined

@@ -11,11 +11,12 @@ import numpy as np
 from ...support.array_types import F64, I64, U8, U16
 from ...support.packed import Coding
 from ..base.jit import inlined, inlined_late, parallel, serial
+from ..base.memory import load_f32, load_u32
 from ..base.project import unproject_point
 from ..base.tolerance import Delta
 from .captures import WIDTH, chroma_at, luma_at
 from .picture import Picture
-from .rays import Tracer, farthest_hit, load_f32, load_u32
+from .rays import Tracer, farthest_hit
 from .standing import Present, standing_hit
 from .surfaces import CAPTURE, POINTS, TRIANGLES, UV
 from .uncovered import CELL
@@ -39,21 +40,25 @@ class Tables(NamedTuple):
 @inlined
 def _corners(surface: I64, primitive: int) -> tuple[int, int, int]:
     """The numbers of a triangle's points."""
-    address = surface[TRIANGLES] + 12 * primitive
-    return (
-        numba.int64(load_u32(address)), numba.int64(load_u32(address + 4)), numba.int64(load_u32(address + 8))
-    )  # fmt: skip
+    triangles, first = surface[TRIANGLES], 3 * primitive
+    return load_u32(triangles, first), load_u32(triangles, first + 1), load_u32(triangles, first + 2)
+
+
+@inlined
+def _point(surface: I64, number: int) -> tuple[float, float, float]:
+    """A point of a surface."""
+    points = surface[POINTS]
+    return load_f32(points, 3 * number), load_f32(points, 3 * number + 1), load_f32(points, 3 * number + 2)
 
 
 @serial
 def _hit_uv(surface: I64, primitive: int, hu: float, hv: float) -> tuple[float, float]:
     """Picture coordinates at a triangle's barycentric (hu, hv)."""
     a, b, c = _corners(surface, primitive)
-    a, b, c = surface[UV] + 8 * a, surface[UV] + 8 * b, surface[UV] + 8 * c
-    wa = 1.0 - hu - hv
+    uv, wa = surface[UV], 1.0 - hu - hv
     return (
-        wa * load_f32(a) + hu * load_f32(b) + hv * load_f32(c),
-        wa * load_f32(a + 4) + hu * load_f32(b + 4) + hv * load_f32(c + 4),
+        wa * load_f32(uv, 2 * a) + hu * load_f32(uv, 2 * b) + hv * load_f32(uv, 2 * c),
+        wa * load_f32(uv, 2 * a + 1) + hu * load_f32(uv, 2 * b + 1) + hv * load_f32(uv, 2 * c + 1),
     )
 
 
@@ -92,10 +97,10 @@ def _on_plane(tables: Tables, camera: F64, hits: F64, a: int, b: int, x: int, y:
         return True
     surface = tables.surfaces[int(hits[a, _GEOMETRY])]
     p, q, r = _corners(surface, int(hits[a, _PRIMITIVE]))
-    p, q, r = surface[POINTS] + 12 * p, surface[POINTS] + 12 * q, surface[POINTS] + 12 * r
-    px, py, pz = load_f32(p), load_f32(p + 4), load_f32(p + 8)
-    ex, ey, ez = load_f32(q) - px, load_f32(q + 4) - py, load_f32(q + 8) - pz
-    fx, fy, fz = load_f32(r) - px, load_f32(r + 4) - py, load_f32(r + 8) - pz
+    px, py, pz = _point(surface, p)
+    qx, qy, qz = _point(surface, q)
+    rx, ry, rz = _point(surface, r)
+    ex, ey, ez, fx, fy, fz = qx - px, qy - py, qz - pz, rx - px, ry - py, rz - pz
     nx, ny, nz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
     bx, by, bz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / hits[b, _DISPARITY])
     off = abs(nx * (bx - px) + ny * (by - py) + nz * (bz - pz))

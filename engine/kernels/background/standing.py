@@ -17,8 +17,10 @@ from ..base.jit import serial
 from ..base.project import position, unproject_point
 from ..base.sight import looks_through, shows
 from ..base.tolerance import Delta, delta_at
+from .intersect import intersect1
 from .lines import along, from_camera
-from .rays import BESIDE_PX, INVALID_ID, ROUNDING, Tracer, farthest_hit, intersect1
+from .ray_hit import INVALID_ID
+from .rays import BESIDE_PX, ROUNDING, Tracer, farthest_hit
 from .surfaces import CAMERA
 
 __all__ = ["FARTHEST", "NOW", "Present", "standing_hit"]

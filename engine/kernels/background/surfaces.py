@@ -12,10 +12,10 @@ __all__ = [
     "MARKS",
     "MARKS_SIZE",
     "POINTS",
-    "STRIDE",
     "SURFACE_SIZE",
     "TRIANGLES",
     "UV",
+    "WORDS",
     "Triangles",
 ]
 
@@ -23,9 +23,9 @@ __all__ = [
 # that it stems from, and the capture that it has its colours from.
 TRIANGLES, UV, POINTS, CAMERA, CAPTURE = range(5)
 SURFACE_SIZE = 5
-# A table of marks is int64 [geometries, MARKS_SIZE]: the address of a surface's marks, and the bytes of a triangle's.
-# Ray callbacks read it (`rays.mark_and_pass`).
-MARKS, STRIDE = range(2)
+# A table of marks is int64 [geometries, MARKS_SIZE]: the address of a surface's marks (uint64), and how
+# many words from one triangle's to the next one's. Ray callbacks read it (`embree_callbacks.mark_and_pass`).
+MARKS, WORDS = range(2)
 MARKS_SIZE = 2
 
 

@@ -28,11 +28,10 @@ from ...support.packed import (
     WRAPS,
 )
 from ..base.jit import inlined, parallel, serial
-from ..base.memory import load_u8, load_u16
+from ..base.memory import load_eight_u8, load_u8, load_u16
 from ..base.project import project_pixels
 from ..base.view_table import INVALID, OFFSET, STEP
 from ..geometry.cuts import BROKEN
-from .rays import load_i64
 
 __all__ = ["BLOCK", "CELL", "mark_uncovered"]
 
@@ -69,7 +68,7 @@ def _any_cut(flags: int, w: int, top: int, bottom: int, left: int, right: int) -
         line = flags + y * w
         x = left
         while x <= last:
-            found |= load_i64(line + x)
+            found |= load_eight_u8(line, x)
             x += 8
         while x <= right:
             found |= load_u8(line, x)

@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from .memory_llvm import load_as, store_as
+from .memory_scalars_llvm import load_as, store_as
 
 __all__ = [
     "LANES", "bits_of", "bytes_from", "codes_there", "cuts", "differ", "lowest", "mark", "move", "ones", "side_errors",

@@ -1,13 +1,14 @@
 """Which array an address lies in, where nothing is compiled: kernels can be run in a debugger, and are checked.
 
 Arrays are known by `address_of`, which tables of addresses are made with, and by looking for them among the local
-variables of the functions that are running: an address comes from one of those. None is kept alive.
+variables of the functions that are running: an address comes from one of those. None is kept alive. Any thread may ask.
 """
 
 from __future__ import annotations
 
 import bisect
 import sys
+import threading
 import weakref
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -30,6 +31,7 @@ class _Known(NamedTuple):
 
 _KNOWN: dict[int, _Known] = {}  # by start
 _STARTS: list[int] = []  # in order
+_LOCK = threading.RLock()  # of both
 
 
 def address_of(array: npt.NDArray[Any]) -> int:
@@ -45,7 +47,8 @@ def bytes_at(address: int, index: int, size: int, count: int = 1) -> U8:
     Raises IndexError where the address lies in no array that is alive, or the elements go beyond it.
     """
     start = int(address) + int(index) * size
-    known = _find(int(address)) or _search(int(address))
+    with _LOCK:
+        known = _find(int(address)) or _search(int(address))
     if known is None:
         raise IndexError(f"address {int(address):#x}: in no array that is alive (index {index})")
     array = known.array()
@@ -74,10 +77,11 @@ def _note(name: str, array: npt.NDArray[Any]) -> None:
     owner = _owner(array)
     if owner.nbytes:
         start = int(owner.ctypes.data)
-        if start not in _KNOWN:
-            bisect.insort(_STARTS, start)
         label = f"{name}, {owner.dtype} {list(owner.shape)}"
-        _KNOWN[start] = _Known(weakref.ref(owner), label, start, owner.nbytes)
+        with _LOCK:
+            if start not in _KNOWN:
+                bisect.insort(_STARTS, start)
+            _KNOWN[start] = _Known(weakref.ref(owner), label, start, owner.nbytes)
 
 
 def _find(address: int) -> _Known | None:

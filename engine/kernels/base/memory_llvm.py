@@ -1,4 +1,4 @@
-"""Operations of `memory` in compiled code: opaque pointers, made of addresses; nothing is checked."""
+"""Operations of `memory` on vectors in compiled code: opaque pointers, made of addresses; nothing is checked."""
 
 from __future__ import annotations
 
@@ -8,27 +8,21 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
+from .memory_scalars_llvm import place_of
 from .vectors_llvm import FLOATS, INTEGERS, LANES, MASK, call_intrinsic, ir_type, order_of, splat
 
 __all__ = [
     "BEYOND",
     "VECTOR_BYTES",
-    "add_atomically",
     "gather_bytes",
     "gather_floats",
     "gather_halves",
     "gather_integers",
     "gather_quads",
     "load",
-    "load_as",
-    "load_f32",
-    "load_i64",
-    "load_u8",
-    "load_u16",
     "load_where",
     "prefetch",
     "store",
-    "store_as",
     "store_byte_where",
     "store_larger",
     "store_packed",
@@ -39,70 +33,12 @@ VECTOR_BYTES = 4 * LANES  # of sixteen float32 or int32
 BEYOND = 3  # bytes behind the one that is meant which `gather_bytes` reads, too
 
 
-def load_as(builder: Any, address: Any, kind: Any, align: int | None = None) -> Any:
-    """Code that loads a value of a type in LLVM from an address that is a multiple of `align` bytes."""
-    return builder.load(builder.inttoptr(address, ir.PointerType()), typ=kind, align=align)
-
-
-def store_as(builder: Any, value: Any, address: Any, align: int | None = None) -> None:
-    """Code that stores a value at an address that is a multiple of `align` bytes."""
-    builder.store(value, builder.inttoptr(address, ir.PointerType()), align=align)
-
-
-def add_atomically(builder: Any, value: Any, address: Any) -> None:
-    """Code that adds an integer to the one at an address; threads that add at the same time lose nothing."""
-    builder.atomic_rmw("add", builder.inttoptr(address, value.type.as_pointer()), value, "monotonic")
-
-
-def _pointer(builder: Any, element: Any, address: Any, index: Any) -> Any:
-    return builder.gep(builder.inttoptr(address, ir.PointerType()), [index], source_etype=element)
-
-
-def _scalar_load(element: Any, result: Any) -> Any:
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.load(_pointer(builder, element, *args), typ=element)
-
-    return result(types.int64, types.int64), codegen
-
-
-def _unsigned_load(bits: int) -> Any:
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        element = ir.IntType(bits)
-        return builder.zext(builder.load(_pointer(builder, element, *args), typ=element), ir.IntType(64))
-
-    return types.int64(types.int64, types.int64), codegen
-
-
-@intrinsic
-def load_u8(typingctx: Any, address: Any, index: Any) -> Any:
-    """The uint8 at address + index, as int64."""
-    return _unsigned_load(8)
-
-
-@intrinsic
-def load_u16(typingctx: Any, address: Any, index: Any) -> Any:
-    """The uint16 at address + 2 * index, as int64."""
-    return _unsigned_load(16)
-
-
-@intrinsic
-def load_f32(typingctx: Any, address: Any, index: Any) -> Any:
-    """The float32 at address + 4 * index."""
-    return _scalar_load(ir.FloatType(), types.float32)
-
-
-@intrinsic
-def load_i64(typingctx: Any, address: Any, index: Any) -> Any:
-    """The int64 at address + 8 * index."""
-    return _scalar_load(ir.IntType(64), types.int64)
-
-
 @intrinsic
 def load(typingctx: Any, address: Any, index: Any) -> Any:
     """Sixteen float32 side by side from address + 4 * index."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.load(_pointer(builder, ir.FloatType(), *args), typ=ir_type(FLOATS), align=4)
+        return builder.load(place_of(builder, ir.FloatType(), *args), typ=ir_type(FLOATS), align=4)
 
     return FLOATS(types.int64, types.int64), codegen
 
@@ -112,7 +48,7 @@ def store(typingctx: Any, address: Any, index: Any, values: Any) -> Any:
     """Write floats to sixteen float32 side by side from address + 4 * index."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        builder.store(args[2], _pointer(builder, ir.FloatType(), *args[:2]), align=4)
+        builder.store(args[2], place_of(builder, ir.FloatType(), *args[:2]), align=4)
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, FLOATS), codegen
@@ -127,7 +63,7 @@ def store_larger(typingctx: Any, address: Any, index: Any, x: Any, y: Any) -> An
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         larger = call_intrinsic(builder, f"llvm.maxnum.v{LANES}f32", args[2].type, *args[2:], fastmath=("nnan", "nsz"))
-        builder.store(larger, _pointer(builder, ir.FloatType(), *args[:2]), align=4)
+        builder.store(larger, place_of(builder, ir.FloatType(), *args[:2]), align=4)
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, FLOATS, FLOATS), codegen
@@ -138,7 +74,7 @@ def load_where(typingctx: Any, address: Any, index: Any, mask: Any) -> Any:
     """As `load` where the mask is true, 0 elsewhere; what is masked out need not exist."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind, place = ir_type(FLOATS), _pointer(builder, ir.FloatType(), *args[:2])
+        kind, place = ir_type(FLOATS), place_of(builder, ir.FloatType(), *args[:2])
         nothing, alignment = ir.Constant(kind, None), ir.IntType(32)(4)
         return call_intrinsic(builder, f"llvm.masked.load.v{LANES}f32.p0", kind, place, alignment, args[2], nothing)
 
@@ -155,7 +91,7 @@ def store_where(typingctx: Any, address: Any, index: Any, values: Any, mask: Any
     """As `store` where the mask is true; elsewhere nothing is written."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        _masked_store(builder, "f32", args[2], _pointer(builder, ir.FloatType(), *args[:2]), 4, args[3])
+        _masked_store(builder, "f32", args[2], place_of(builder, ir.FloatType(), *args[:2]), 4, args[3])
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, FLOATS, MASK), codegen
@@ -168,7 +104,7 @@ def store_byte_where(typingctx: Any, address: Any, index: Any, number: Any, mask
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         byte = ir.IntType(8)
         numbers = splat(builder, builder.trunc(args[2], byte))
-        _masked_store(builder, "i8", numbers, _pointer(builder, byte, *args[:2]), 1, args[3])
+        _masked_store(builder, "i8", numbers, place_of(builder, byte, *args[:2]), 1, args[3])
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.int64, MASK), codegen
@@ -193,7 +129,7 @@ def prefetch(typingctx: Any, address: Any, index: Any) -> Any:
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         first = builder.extract_element(args[1], ir.IntType(32)(0))
-        place = _pointer(builder, ir.IntType(16), args[0], first)
+        place = place_of(builder, ir.IntType(16), args[0], first)
         read, near, data = ir.IntType(32)(0), ir.IntType(32)(3), ir.IntType(32)(1)
         call_intrinsic(builder, "llvm.prefetch.p0", ir.VoidType(), place, read, near, data)
         return context.get_dummy_value()

@@ -5,6 +5,8 @@ Raises IndexError, which tells the array and the index, where one goes beyond an
 
 from __future__ import annotations
 
+import ctypes
+import threading
 from typing import Any
 
 import numpy as np
@@ -14,28 +16,43 @@ from .live_arrays import bytes_at
 from .vectors_numpy import LANES, Floats, Integers, Mask
 
 __all__ = [
+    "add_i64_atomically",
     "gather_bytes",
     "gather_floats",
     "gather_halves",
     "gather_integers",
     "gather_quads",
     "load",
+    "load_eight_u8",
     "load_f32",
+    "load_foreign_i64",
+    "load_foreign_u32",
     "load_i64",
     "load_u8",
     "load_u16",
+    "load_u32",
+    "load_u64",
     "load_where",
+    "or_u64",
     "prefetch",
     "store",
     "store_byte_where",
+    "store_foreign_i32",
     "store_larger",
     "store_packed",
     "store_where",
 ]
 
 
+_ADDING = threading.Lock()
+
+
+def _place(address: int, index: int, dtype: Any) -> npt.NDArray[Any]:  # [1]
+    return bytes_at(address, index, np.dtype(dtype).itemsize).view(dtype)
+
+
 def _scalar(address: int, index: int, dtype: Any) -> Any:
-    return bytes_at(address, index, np.dtype(dtype).itemsize).view(dtype)[0]
+    return _place(address, index, dtype)[0]
 
 
 def load_u8(address: int, index: int) -> int:
@@ -48,6 +65,21 @@ def load_u16(address: int, index: int) -> int:
     return int(_scalar(address, index, np.uint16))
 
 
+def load_u32(address: int, index: int) -> int:
+    """The uint32 at address + 4 * index."""
+    return int(_scalar(address, index, np.uint32))
+
+
+def load_u64(address: int, index: int) -> int:
+    """The uint64 at address + 8 * index."""
+    return int(_scalar(address, index, np.uint64))
+
+
+def load_eight_u8(address: int, index: int) -> int:
+    """Eight uint8 side by side from address + index, as one int64; the first lowest."""
+    return int(bytes_at(address, index, 1, 8).view(np.int64)[0])
+
+
 def load_f32(address: int, index: int) -> float:
     """The float32 at address + 4 * index."""
     number: float = _scalar(address, index, np.float32)  # a NumPy number: products with it are in single precision
@@ -57,6 +89,32 @@ def load_f32(address: int, index: int) -> float:
 def load_i64(address: int, index: int) -> int:
     """The int64 at address + 8 * index."""
     return int(_scalar(address, index, np.int64))
+
+
+def load_foreign_i64(address: int, index: int) -> int:
+    """The int64 at address + 8 * index, in memory that is of no array: nothing is checked."""
+    return ctypes.c_int64.from_address(address + 8 * index).value
+
+
+def load_foreign_u32(address: int, index: int) -> int:
+    """The uint32 at address + 4 * index, in memory that is of no array: nothing is checked."""
+    return ctypes.c_uint32.from_address(address + 4 * index).value
+
+
+def store_foreign_i32(address: int, index: int, value: int) -> None:
+    """Write an int32 to address + 4 * index, in memory that is of no array: nothing is checked."""
+    ctypes.c_int32.from_address(address + 4 * index).value = int(value)
+
+
+def or_u64(address: int, index: int, bits: int) -> None:
+    """Set bits of the uint64 at address + 8 * index."""
+    _place(address, index, np.uint64)[0] |= np.uint64(bits)
+
+
+def add_i64_atomically(address: int, index: int, value: int) -> None:
+    """Add to the int64 at address + 8 * index; threads that add at the same time lose nothing."""
+    with _ADDING:
+        _place(address, index, np.int64)[0] += value
 
 
 def load(address: int, index: int) -> Floats:
