@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import ast
+import ctypes
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
-from farside.engine.kernels.base import lanes_numpy, live_arrays, memory_numpy, simd_numpy
-from support import uncompiled_cases
+from farside.engine.geometry.embree import intersect_address
+from farside.engine.kernels.background import intersect_llvm, intersect_numpy
+from farside.engine.kernels.base import callbacks, lanes_numpy, live_arrays, memory, memory_numpy, simd_numpy
+from numba import types
+from support import uncompiled_background, uncompiled_cases
+from support.rooms import camera_row
 
 KERNELS = Path(live_arrays.__file__).parents[1]
 TESTS = Path(uncompiled_cases.__file__).parents[1]
-# What cannot run so: Embree is called, and calls back, by code of LLVM's.
-COMPILED_ONLY = ("background/", "evaluation/leaks", "base/callbacks")
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +55,8 @@ def test_every_file_of_kernels_has_run(uncompiled):
     ran = set(uncompiled["modules"].tolist())
     sources = [path for path in KERNELS.rglob("*.py") if "def " in path.read_text()]
     files = {str(path.relative_to(KERNELS))[: -len(".py")] for path in sources} - {"base/jit"}  # runs at import only
-    wanted = {name for name in files if not name.startswith(COMPILED_ONLY) and not name.endswith("_llvm")}
-    assert len(wanted) > 40
+    wanted = {name for name in files if not name.endswith("_llvm")}
+    assert len(wanted) > 60
     assert wanted - ran == set()
 
 
@@ -82,3 +87,72 @@ def test_an_array_that_is_gone_is_refused():
     address = used()
     with pytest.raises(IndexError, match="in no array that is alive"):
         memory_numpy.load_i64(address, 0)
+
+
+def test_single_numbers_are_read_and_written_within_their_array():
+    words = np.arange(6, dtype=np.uint64)
+    words[2] = 2**63 + 5
+    address = live_arrays.address_of(words)
+    assert memory_numpy.load_u64(address, 2) == 2**63 + 5
+    assert memory_numpy.load_u32(address, 5) == 2**31
+    assert memory_numpy.load_eight_u8(address, 9) == int.from_bytes(words.tobytes()[9:17], "little", signed=True)
+    memory_numpy.or_u64(address, 2, 2**62 | 2)
+    assert words[2] == 2**63 + 2**62 + 7
+    memory_numpy.add_i64_atomically(address, 3, -10)
+    assert words.view(np.int64)[3] == -7
+    for beyond in (memory_numpy.load_u64, memory_numpy.load_i64):
+        with pytest.raises(IndexError, match=r"uint64 \[6\].*index 6 of 8 bytes"):
+            beyond(address, 6)
+    with pytest.raises(IndexError, match="index -1 of 8 bytes"):
+        memory_numpy.or_u64(address, -1, 1)
+    with pytest.raises(IndexError, match="index 41 of 1 bytes each from byte 0 on, 8 of them"):
+        memory_numpy.load_eight_u8(address, 41)
+    np.testing.assert_array_equal(words[[0, 1, 4, 5]], [0, 1, 4, 5])
+
+
+def test_only_callbacks_reach_memory_that_is_of_no_array():
+    foreign = {name for name in memory.__all__ if "foreign" in name}
+    assert len(foreign) == 3
+    users = set()
+    for path in KERNELS.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and foreign & {alias.name for alias in node.names}:
+                users.add(str(path.relative_to(KERNELS)))
+    assert users == {"base/memory.py", "background/embree_callbacks.py"}
+
+
+def test_what_a_callback_raises_is_raised_where_c_was_called():
+    def refuse(number: int) -> None:
+        raise IndexError(f"refused {number}")
+
+    made = callbacks._Uncompiled(refuse, types.void(types.intp))
+    call = ctypes.CFUNCTYPE(None, ctypes.c_ssize_t)(made.address)
+    callbacks.raise_what_callbacks_did()
+    call(7)
+    call(8)
+    with pytest.raises(IndexError, match="refused 7"):
+        callbacks.raise_what_callbacks_did()
+    callbacks.raise_what_callbacks_did()
+
+
+def test_a_ray_through_ctypes_is_the_compiled_one():
+    camera = camera_row(1)[0]
+    tracer, (near, _far) = uncompiled_background.tracer_of(
+        uncompiled_background.sheet(2.0, 1.0, 4, camera), uncompiled_background.sheet(3.0, 2.0, 5, camera)
+    )
+    near.invalid[::3] = 1
+
+    @numba.njit
+    def compiled(*arguments):
+        return intersect_llvm.intersect1(*arguments)
+
+    rng, geometries = np.random.default_rng(0), set()
+    for direction in np.float32([1.0, 0.0, 0.0]) + rng.uniform(-1, 1, (300, 3)).astype(np.float32):
+        ray = (*np.float32([0.1, 0.2, -0.1]), *direction, np.float32(0.0), np.float32(100.0))
+        arguments = (intersect_address(), tracer.packed.scene, 0, *ray)
+        expected, found = compiled(*arguments), intersect_numpy.intersect1(*arguments)
+        geometries.add(found[3])
+        assert found[3] == expected[3]
+        if found[3] < 2:  # else the rest is what the memory held before
+            assert found == expected
+    assert geometries == {0, 1, 0xFFFFFFFF}

@@ -39,6 +39,7 @@ from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Texture, View
 from farside.engine.rig.texture import from_rgb, to_rgb, toned_texture
 from farside.engine.synth.parts import Palette, box, capsule, cylinder, ellipsoid, pack, turn
+from support import uncompiled_background
 
 Arrays = dict[str, np.ndarray]
 
@@ -246,7 +247,7 @@ def measures() -> Iterator[tuple[str, np.ndarray]]:
 
 
 CASES: tuple[Callable[[], Iterator[tuple[str, np.ndarray]]], ...] = (
-    solids, meshes, completed, pictures, halves, colours, points, measures,
+    solids, meshes, completed, pictures, halves, colours, points, measures, *uncompiled_background.CASES,
 )  # fmt: skip
 
 

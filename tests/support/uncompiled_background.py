@@ -1,0 +1,183 @@
+"""Small runs of the kernels of the background model, and of rays in numbers (see `uncompiled_cases`)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+from farside.engine.background.capture import Present
+from farside.engine.background.exposure import Exposure
+from farside.engine.background.model import BackgroundModel
+from farside.engine.background.pbi import uncovered_cells
+from farside.engine.background.ray_tracer import EmbreeTracer
+from farside.engine.background.surface import Surface
+from farside.engine.background.viewing_space import ViewingSpace
+from farside.engine.geometry.mesh import Mesh
+from farside.engine.geometry.prepared_view import PreparedView, ViewTable
+from farside.engine.geometry.scene_scale import Scene
+from farside.engine.geometry.triangulation import TriangulationOptions
+from farside.engine.kernels.background.hidden import flag_unseen, spread_seen
+from farside.engine.kernels.evaluation.leaks import count_leaks, farthest_distances
+from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
+from farside.engine.rig.frame import Frame, Texture, View
+from farside.engine.settings import Settings
+from support.rooms import BOX_X, CODING, WALL_X, camera_row, see
+
+Named = Iterator[tuple[str, np.ndarray]]
+
+# Of different heights and distances: else images lie on the border of two pixels, and rounding decides which it is.
+CAMERAS = [
+    dataclasses.replace(camera, pose=camera.pose.translated((0.013 * k, 0.0, 0.027 * k)))
+    for k, camera in enumerate(camera_row(3, (44, 30)))
+]
+EYE = dataclasses.replace(CAMERAS[1], name="eye", pose=Pose((-0.1, 0.15, 0.05)))
+SPHERE = Equirectangular(160, 106, (-0.6, 0.6), (-0.4, 0.4))
+# Steps of the model that some settings take and others leave out.
+VARIANTS = {
+    "standing": Settings(n_init=3, n_update=2),
+    "by pixel": Settings(n_init=3, n_update=2, culling_stride=2, tolerance_px=0.0, backdrop="farthest", refine=False),
+    "paper": dataclasses.replace(Settings.paper(), n_init=2, n_update=2, culling_stride=2),
+}
+
+
+def seen_by(camera: Camera, index: int, box_y: float | None, noise: float, gain: float = 1.0) -> View:
+    """A wall, and a box before it where `box_y` is given, with a pattern on both, noise of depth and a few holes."""
+    view, rng = see(camera, box_y), np.random.default_rng(7 * index + ord(camera.name[-1]))
+    shape = view.codes.shape
+    codes = view.codes + np.round(rng.normal(0.0, noise, shape))
+    codes[rng.random(shape) < 0.01] = 0
+    v, u = np.mgrid[0 : shape[0], 0 : shape[1]]
+    luma = gain * (view.texture.y - 64 + 60 * np.sin(0.7 * u) * np.cos(0.5 * v)) + 64
+    chroma = (plane.astype(np.uint16) for plane in (luma[::2, ::2] // 2 + 200, luma[::2, ::2] // 3 + 300))
+    return View(camera, Texture(luma.astype(np.uint16), *chroma), np.clip(codes, 0, 65535).astype(np.uint16))
+
+
+def frames(noise: float) -> list[Frame]:
+    """Someone stands before the wall, and leaves; then the last camera moves."""
+    moved = [*CAMERAS[:2], dataclasses.replace(CAMERAS[2], pose=CAMERAS[2].pose.translated((0.0, 0.1, 0.0)))]
+    boxes, rigs = (0.0, 0.0, None, None, None), (*[CAMERAS] * 4, moved)
+    return [
+        Frame(index, tuple(seen_by(camera, index, box, noise) for camera in rig))
+        for index, (box, rig) in enumerate(zip(boxes, rigs, strict=True))
+    ]
+
+
+def models() -> Named:
+    """A background model over some frames, in its variants: what it keeps of each camera, and what it shows."""
+    for label, settings in VARIANTS.items():
+        noise = 25.0 if settings.refine else 0.0
+        video = frames(noise)
+        scene = Scene.of(CAMERAS, settings, video[0])
+        model = BackgroundModel(CAMERAS, settings, scene)
+        reports = [model.update(frame) for frame in video]
+        assert all(report.rays > 0 for report in reports[:1])
+        assert sum(report.accepted for report in reports) > 0
+        assert sum(report.culled for report in reports) > 0
+        assert bool(model.tolerances.noise) == bool(noise)
+        for capture in model.captures:
+            name, image = f"{label} {capture.number}", capture.image
+            yield f"{name} codes", image.codes
+            yield f"{name} flags", image.flags
+            yield f"{name} y", image.texture.y
+            yield f"{name} cr", image.texture.cr
+        views = [PreparedView(v, scene.triangulation(v.camera, settings), scene.origin) for v in video[-1].views]
+        present = ViewTable(views) if settings.backdrop == "standing" else None
+        yield from _shown(label, model, present)
+
+
+def _shown(label: str, model: BackgroundModel, present: ViewTable | None) -> Named:
+    """What a model shows: to an eye, as a mesh, and in numbers."""
+    wanted = (np.indices((8, 11)).sum(axis=0) % 3 > 0).astype(np.uint8)
+    for name, options in {"sparse": {"sparse": True, "wanted": wanted}, "dense": {"sparse": False}}.items():
+        view = model.render_pbi(EYE, present, near=0.1, **options).view
+        assert (view.codes > 0).any()
+        yield f"{label} {name} disparity", EYE.depth.disparity(view.codes)
+        yield f"{label} {name} y", view.texture.y
+        yield f"{label} {name} cb", view.texture.cb
+    mesh = model.mesh()
+    yield f"{label} mesh", np.array([mesh.vertices[:, 0].min() > 1.0, len(mesh.vertices) > 20])
+    yield f"{label} memory", np.array([size > 0 for size in model.memory.values()])
+
+
+def sheet(x: float, half: float, count: int, camera: Camera) -> Mesh:
+    """A square across the x axis, as a grid of count x count points that face a camera."""
+    y, z = np.meshgrid(np.linspace(half, -half, count), np.linspace(half, -half, count))
+    points = np.stack([np.full(y.shape, x), y, z], axis=-1).reshape(-1, 3).astype(np.float32)
+    number = np.arange(count * count).reshape(count, count)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
+    triangles = np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).reshape(-1, 3)
+    return Mesh(points, camera.project(points)[0].astype(np.float32), triangles.astype(np.int32))
+
+
+def tracer_of(*meshes: Mesh) -> tuple[EmbreeTracer, list[Surface]]:
+    """A ray tracer of meshes of one camera."""
+    tracer, surfaces = EmbreeTracer(), [Surface.new(mesh, 1, 0, 0) for mesh in meshes]
+    for number, surface in enumerate(surfaces):
+        tracer.set(number, surface)
+    tracer.commit()
+    return tracer, surfaces
+
+
+def hidden() -> Named:
+    """What of a wall heads see past a box that stands, and what is flagged as seen by none."""
+    camera = camera_row(1, (88, 60))[0]
+    tracer, (_box, wall) = tracer_of(sheet(BOX_X, 0.8, 5, camera), sheet(WALL_X, 1.9, 14, camera))
+    views = ViewTable([PreparedView(see(camera, 0.0, 0.8), TriangulationOptions(0.0, 0.1), np.zeros(3))])
+    present, eyes = Present(0.0, views, {}), ViewingSpace((0.02, 0.01, 0.03), 0.05).eyes()[::8]
+    seen, cells = np.zeros(len(wall.invalid), np.uint8), np.zeros((15, 22), np.uint8)
+    tracer.mark_seen(eyes, wall, present, (0.05, 1e-3), False, cells, seen)
+    yield "seen", seen
+    spread_seen(wall.mesh.uv, wall.mesh.triangles, seen, False, cells)
+    yield "cells", cells
+    flag_unseen(wall.mesh.uv, wall.mesh.triangles, False, cells, wall.invalid)
+    assert 0.0 < wall.invalid.mean() < seen.mean() < 1.0
+    yield "invalid", wall.invalid
+
+
+def uncovered() -> Named:
+    """Where eyes may see past views that are drawn."""
+    cameras = camera_row(2, (160, 106))
+    views = [PreparedView(see(camera, 0.1), TriangulationOptions(0.0, 0.1), np.zeros(3)) for camera in cameras]
+    for eye in (cameras[0], dataclasses.replace(cameras[0], projection=SPHERE)):
+        wanted = uncovered_cells(eye, views, 0.02, np.zeros(3))
+        assert 0.1 < wanted.mean() < 0.9
+        yield type(eye.projection).__name__, wanted
+
+
+def tones() -> Named:
+    """Exposures that differ are followed, over frames and by what a model has seen."""
+    settings = VARIANTS["standing"]
+    first, second = (
+        Frame(index, tuple(seen_by(c, index, None, 0.0, 1.0 + 0.1 * k) for k, c in enumerate(CAMERAS)))
+        for index in range(2)
+    )
+    scene = Scene.of(CAMERAS, settings, first)
+    model, exposure = BackgroundModel(CAMERAS, settings, scene), Exposure(3, 0.5, scene.depths[:2])
+    for frame in (first, second):
+        views = [PreparedView(v, scene.triangulation(v.camera, settings), scene.origin) for v in frame.views]
+        exposure.update(ViewTable(views), 1 / 30, *model.images(frame))
+        model.update(frame)
+        yield f"tones {frame.index}", exposure.tones.copy()
+    assert np.ptp(exposure.tones[:, 0, 0]) > 0.05
+
+
+def rays() -> Named:
+    """Rays toward triangles of which some are there, and behind pixels; flagged triangles are not there."""
+    camera = Camera("c", Perspective.from_fov(40, 30, 1.4), Pose(), CODING)
+    tracer, (wall,) = tracer_of(sheet(3.0, 5.0, 3, camera))
+    rng = np.random.default_rng(5)
+    asked = rng.uniform(-1.0, 1.0, (60, 3)).astype(np.float32)
+    asked[:, 0], asked[30:, 1] = 3.0, asked[30:, 1] + 50.0  # half of them on the wall, half of them far beside it
+    triangles = np.arange(60, dtype=np.int32).reshape(-1, 3)
+    missed = count_leaks(tracer.packed, asked, triangles, np.stack([camera.packed()]), 7, 90)
+    assert 0 < missed[0] < 90
+    yield "missed", np.array(missed)
+    wall.invalid[:3] = 1
+    distances = np.empty((30, 40))
+    farthest_distances(tracer.packed, camera.packed(), distances)
+    assert 0.1 < np.isnan(distances).mean() < 0.9
+    yield "distances", distances
+
+
+CASES = (models, hidden, uncovered, tones, rays)
