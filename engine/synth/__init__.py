@@ -1,4 +1,4 @@
-"""Twins of the test sequences: ray-traced, with ground truth."""
+"""Twins of the paper's test sequences: ray-traced scenes with ground truth for any virtual camera."""
 
 from .rigs import Rig, twin_cameras
 from .scenes import TWINS, Scene, make_scene

@@ -16,7 +16,7 @@ __all__ = ["make"]
 
 
 def make(name: str, rng: np.random.Generator) -> Scene:
-    """Two rooms and a doorway in the wall between them at x = 3; the cameras stand in the first and look along x."""
+    """The scene called `name`; `rng` draws its materials and its people."""
     shop = Shop(rng)
     walls = (shop.bricks, shop.plaster, shop.panels, shop.plaster)
     groups = room((-3, -3.6, 0), (9, 3.6, 3), walls, shop.parquet, shop.white)

@@ -15,7 +15,7 @@ __all__ = ["make"]
 
 
 def make(name: str, rng: np.random.Generator) -> Scene:
-    """A table top seen from a row of cameras at the origin that look along x."""
+    """The scene called `name`; `rng` draws its materials and its people."""
     shop = Shop(rng)
     add, top = shop.palette.add, -0.24
     wall = add(p.BRICKS, (0.52, 0.45, 0.36), (0.3, 0.26, 0.22), 0.05, 0.5)

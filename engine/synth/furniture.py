@@ -1,4 +1,7 @@
-"""What stands still: walls, columns, furniture, pictures and statues, each at the origin unless placed."""
+"""Solid things that stand still: walls, columns, furniture, pictures and statues.
+
+Each is built at the origin, in metres; `parts.placed` moves it. Integer arguments are material numbers of a `Palette`.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,10 @@ THICKNESS = 0.2  # of walls
 def room(
     low: Sequence[float], high: Sequence[float], walls: Sequence[int], floor: int, ceiling: int
 ) -> list[Group]:
-    """A closed room between two corners, metres; materials of the walls at +x, -x, +y, -y."""
+    """A closed room between the corners `low` and `high` [3], metres.
+
+    `walls` are the materials of the walls at +x, -x, +y and -y, in this order.
+    """
     (x0, y0, z0), (x1, y1, z1), t = low, high, THICKNESS
     size = (x1 - x0, y1 - y0, z1 - z0)
     x, y, z = (x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2
@@ -51,7 +57,7 @@ def picture(image: int, frame: int, width: float, height: float) -> Group:
 
 
 def statue(stone: int, plinth: int, kind: int) -> Group:
-    """A statue on a plinth: 0 a standing figure, 1 a bust, 2 an abstract pile, about 2 m tall."""
+    """A statue on a plinth, about 2 m tall; `kind` is 0 for a standing figure, 1 for a bust, 2 for an abstract pile."""
     if kind == 0:
         return [
             box(plinth, (0, 0, 0.3), (0.7, 0.7, 0.6)),
@@ -84,13 +90,13 @@ def statue(stone: int, plinth: int, kind: int) -> Group:
 
 
 def bench(wood: int, metal: int, length: float) -> Group:
-    """A bench along y."""
+    """A bench, `length` metres along y."""
     parts = [box(wood, (x, 0, 0.45), (0.13, length, 0.05)) for x in (-0.16, 0.0, 0.16)]
     return parts + [box(metal, (0, y, 0.21), (0.4, 0.06, 0.42)) for y in (-0.4 * length, 0.4 * length)]
 
 
 def table(wood: int, width: float, depth: float, height: float) -> Group:
-    """A table with four legs, `width` along y."""
+    """A table with four legs; `width` is along y, `depth` along x."""
     parts = [box(wood, (0, 0, height - 0.025), (depth, width, 0.05))]
     parts += [
         box(
@@ -116,7 +122,7 @@ def armchair(cloth: int, wood: int) -> Group:
 
 
 def bookcase(wood: int, books: Sequence[int], width: float, height: float) -> Group:
-    """Shelves with rows of books, its back at x = 0, opening towards x."""
+    """A bookcase with rows of books; its back is at x = 0, and it opens towards x."""
     shelves = max(2, round(height / 0.42))
     pitch = height / shelves
     parts = [box(wood, (0.02, 0, height / 2), (0.04, width, height))]
@@ -146,7 +152,7 @@ def plant(pot: int, leaf: int) -> Group:
 
 
 def vase(clay: int, height: float) -> Group:
-    """A vase."""
+    """A vase, `height` metres tall."""
     return [
         ellipsoid(clay, (0, 0, 0.4 * height), (0.28 * height, 0.28 * height, 0.4 * height)),
         cylinder(clay, (0, 0, 0.7 * height), 0.12 * height, 0.25 * height),

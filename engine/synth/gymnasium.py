@@ -1,4 +1,4 @@
-"""A gymnasium where people run about; the cameras stand round its middle."""
+"""A gymnasium where people run about; the cameras stand around its middle."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["make"]
 
 
 def make(name: str, rng: np.random.Generator) -> Scene:
-    """The scene of the twin of that name."""
+    """The scene called `name`: in gymnasium-b the runner is faster. `rng` draws its materials and its people."""
     shop = Shop(rng)
     add = shop.palette.add
     boards = add(p.PLANKS, (0.5, 0.31, 0.15), (0.2, 0.12, 0.06), 0.12, 0.35)
@@ -76,7 +76,7 @@ def _apparatus(shop: Shop) -> list[Group]:
 
 
 def _players(shop: Shop, runner_speed: float) -> list[Actor]:
-    """Who runs, and who looks on; m/s."""
+    """Runners and spectators; `runner_speed` is that of the first runner, m/s."""
     actors = shop.walkers(
         [
             Path(

@@ -17,7 +17,7 @@ __all__ = ["make"]
 
 
 def make(name: str, rng: np.random.Generator) -> Scene:
-    """A lounge; the cameras look along x."""
+    """The scene called `name`; `rng` draws its materials and its people."""
     shop = Shop(rng)
     groups = room(
         (-2.5, -4.2, 0),
@@ -47,7 +47,7 @@ def make(name: str, rng: np.random.Generator) -> Scene:
 
 
 def _furniture(shop: Shop) -> list[Group]:
-    """What stands about, up to a lamp."""
+    """Bookcases, armchairs, a tea table, a statue, plants, columns and a lamp."""
     groups: list[Group] = []
     books = shop.books()
     groups.append(placed(bookcase(shop.dark_wood, books, 2.4, 2.2), (4.6, -4.2, 0), math.pi / 2))

@@ -17,7 +17,7 @@ __all__ = ["make"]
 
 
 def make(name: str, rng: np.random.Generator) -> Scene:
-    """The scene of the twin of that name."""
+    """The scene called `name`; `rng` draws its materials and its people."""
     shop = Shop(rng)
     sizes = [(1.5, 1.1), (1.0, 1.4), (1.9, 1.2), (0.9, 0.9), (1.4, 1.6)]
     groups = room(
@@ -82,7 +82,7 @@ def _exhibits(shop: Shop) -> list[Group]:
 
 
 def _visitors(shop: Shop) -> list[Actor]:
-    """Who looks at them, who walks by, and a carton on its way."""
+    """People who stand and look, people who walk by, and a carton that is pulled through the hall."""
     actors = shop.standers(
         [
             (2.5, 1.9, -2.2),

@@ -1,4 +1,7 @@
-"""What stands and drives in a street: houses, trees, lamp posts and cars, each at the origin unless placed."""
+"""Solid things in a street: houses, trees, lamp posts and cars.
+
+Each is built at the origin, in metres; `parts.placed` moves it. Integer arguments are material numbers of a `Palette`.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,10 @@ _STOREY = 3.2  # metres
 
 
 def house(wall: int, windows: Sequence[int], roof: int, width: float, storeys: int, columns: int) -> Group:
-    """A house 10 m deep, its front in the y-z plane at x = 0, looking towards x; `windows` are used in turn."""
+    """A house 10 m deep; its front is in the y-z plane at x = 0 and looks towards x.
+
+    Each storey has `columns` windows. The materials `windows` are used in turn.
+    """
     height = _STOREY * storeys + 0.6
     parts = [box(wall, (-5, 0, height / 2), (10, width, height)), box(roof, (-4.8, 0, height), (10.4, width, 0.5))]
     pitch = width / columns
@@ -26,7 +32,7 @@ def house(wall: int, windows: Sequence[int], roof: int, width: float, storeys: i
 
 
 def tree(bark: int, leaf: int, height: float) -> Group:
-    """A tree with a round crown."""
+    """A tree with a round crown, `height` metres tall."""
     h = height
     return [
         capsule(bark, (0, 0, 0), (0, 0, 0.6 * h), 0.025 * h),
@@ -47,7 +53,7 @@ def lamp_post(metal: int, glass: int, height: float) -> Group:
 
 
 def car(paint: int, glass: int, tyre: int) -> Group:
-    """A car of 4.2 m that heads towards x."""
+    """A car, 4.2 m long, that heads towards x."""
     parts = [
         box(paint, (0, 0, 0.62), (4.2, 1.74, 0.62)),
         box(glass, (-0.25, 0, 1.14), (2.1, 1.5, 0.46)),
@@ -57,7 +63,7 @@ def car(paint: int, glass: int, tyre: int) -> Group:
 
 
 def driver(group: Group, path: Path) -> Actor:
-    """Something that drives along a path."""
+    """An actor: `group` (heading towards x) drives along `path`."""
 
     def moment(time: float) -> Group:
         position, heading, _ = path.at(time)

@@ -16,7 +16,7 @@ __all__ = ["make"]
 
 
 def make(name: str, rng: np.random.Generator) -> Scene:
-    """A studio seen from a wall of cameras at the origin that look along x; the floor is at z = -1.1."""
+    """The scene called `name`; `rng` draws its materials and its people."""
     shop = Shop(rng)
     floor = -1.1
     groups = room(

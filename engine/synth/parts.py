@@ -27,7 +27,7 @@ class Part:
     size: tuple[float, float, float]
 
     def radius(self) -> float:
-        """Radius of the sphere about the centre that holds the part."""
+        """Radius of a sphere around the part's centre that contains the part, metres."""
         a, b, c = self.size
         if self.kind == BOX:
             return float(np.hypot(np.hypot(a, b), c))
@@ -45,7 +45,7 @@ Group = list[Part]  # parts that lie close together: one piece of furniture, one
 
 
 class Palette:
-    """Materials by number; `add` hands out the numbers. The seed makes other pictures and other noise."""
+    """Materials by number; `add` hands out the numbers. Another seed gives other pictures and other noise."""
 
     def __init__(self, seed: int = 0) -> None:
         self._seed = seed
@@ -59,7 +59,11 @@ class Palette:
         scale: float = 0.2,
         rough: float = 0.4,
     ) -> int:
-        """A new material: pattern (`kernels.synth.patterns`), two linear RGB colours, scale in metres, contrast."""
+        """Add a material and return its number.
+
+        pattern: one of `kernels.synth.patterns`. colour, other: linear RGB; by default `other` is a darker `colour`.
+        scale: size of the pattern, metres. rough: contrast.
+        """
         other = [0.55 * c for c in colour] if other is None else other
         self._rows.append(
             np.array([pattern, *colour, *other, scale, self._seed + 101 * len(self._rows), rough])
@@ -72,7 +76,7 @@ class Palette:
 
 
 def turn(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> F64:  # [3, 3]
-    """Rz(yaw) Ry(pitch) Rx(roll), radians."""
+    """The rotation matrix Rz(yaw) Ry(pitch) Rx(roll); angles in radians."""
     (cy, cp, cr), (sy, sp, sr) = np.cos([yaw, pitch, roll]), np.sin([yaw, pitch, roll])
     z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
@@ -82,24 +86,24 @@ def turn(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> F64:  # [3,
 
 
 def box(material: int, centre: Vector, size: Vector, rotation: F64 | None = None) -> Part:
-    """A box from its full edge lengths."""
+    """A box; `size` [3] holds its full edge lengths, metres."""
     return _solid(BOX, material, centre, tuple(0.5 * s for s in size), rotation)
 
 
 def ellipsoid(material: int, centre: Vector, size: Vector, rotation: F64 | None = None) -> Part:
-    """An ellipsoid from its half axes."""
+    """An ellipsoid; `size` [3] holds its half axes, metres."""
     return _solid(ELLIPSOID, material, centre, tuple(size), rotation)
 
 
 def cylinder(material: int, base: Vector, radius: float, height: float) -> Part:
-    """An upright cylinder standing on `base`."""
+    """An upright cylinder; `base` [3] is the middle of its bottom face, metres."""
     x, y, z = base
     centre = (x, y, z + 0.5 * height)
     return _solid(CYLINDER, material, centre, (radius, radius, 0.5 * height), None)
 
 
 def capsule(material: int, start: Vector, end: Vector, radius: float, side: Vector = (0.0, 1.0, 0.0)) -> Part:
-    """A capsule about the segment from start to end; `side` (not along it) fixes the turn of its texture."""
+    """A capsule around the segment from start to end, metres; `side` (not parallel to it) fixes its texture's turn."""
     a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
     length = float(np.linalg.norm(b - a))
     z = (b - a) / length
@@ -110,7 +114,7 @@ def capsule(material: int, start: Vector, end: Vector, radius: float, side: Vect
 
 
 def placed(group: Iterable[Part], position: Vector, yaw: float = 0.0) -> Group:
-    """The group turned about the z axis, radians, then moved."""
+    """The group turned by `yaw` radians about the z axis, then moved by `position` [3], metres."""
     rotation, offset = turn(yaw), np.asarray(position, np.float64)
     return [
         Part(p.kind, p.material, rotation @ p.centre + offset, rotation @ p.rotation, p.size) for p in group

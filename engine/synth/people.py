@@ -1,4 +1,4 @@
-"""What moves: people on their ways, a frog puppet, rolling balls."""
+"""Actors: people who walk or stand, a frog puppet, rolling balls, a carton on a trolley."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .parts import Group, box, capsule, ellipsoid, placed, turn
 
 __all__ = ["Actor", "Clothes", "Path", "ball", "carton", "frog", "person", "stander", "walker"]
 
-Actor = Callable[[float], Group]  # seconds -> what it looks like then
+Actor = Callable[[float], Group]  # time in seconds -> the solids at that time
 
 
 @dataclass(frozen=True)
@@ -29,14 +29,17 @@ class Clothes:
 
 @dataclass(frozen=True)
 class Path:
-    """A walk to and fro along a polyline on the floor: metres, metres a second, seconds until it begins."""
+    """A walk to and fro along a polyline on the floor.
+
+    points: corners (x, y), metres. speed: metres a second. start: seconds until the walk begins.
+    """
 
     points: Sequence[tuple[float, float]]
     speed: float
     start: float = 0.0
 
     def at(self, time: float) -> tuple[F64, float, float]:
-        """Position [2], heading in radians and the way walked so far in metres."""
+        """Position [2] in metres, heading in radians, and distance walked so far in metres, at `time` in seconds."""
         points = np.asarray(self.points, np.float64)
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         walked = max(0.0, time - self.start) * self.speed
@@ -52,10 +55,10 @@ class Path:
 
 
 def person(clothes: Clothes, height: float, phase: float, stride: float, lean: float, wave: float) -> Group:
-    """Someone at the origin facing x.
+    """Someone at the origin who faces x.
 
-    `phase` (radians) and `stride` (radians of swing; 0 = standing) pose the legs, `lean` the body forward and
-    `wave` (radians) lifts the left forearm.
+    `phase` (radians) and `stride` (radians of swing; 0 for standing) pose the legs. `lean` (metres at the shoulders)
+    bends the body forward, and `wave` (radians) lifts the left forearm.
     """
     h = height
     hip, shoulder = np.array([0.0, 0.0, 0.52 * h]), np.array([lean, 0.0, 0.80 * h])
@@ -93,13 +96,13 @@ def person(clothes: Clothes, height: float, phase: float, stride: float, lean: f
 
 
 def walker(clothes: Clothes, height: float, path: Path) -> Actor:
-    """Someone who walks or runs (fast: longer strides, leaning) along a path."""
+    """Someone who walks or runs along a path; at a higher speed with longer strides and leaning forward more."""
 
     def at(time: float) -> Group:
         position, heading, walked = path.at(time)
         going = time > path.start
         stride = min(0.85, 0.28 + 0.14 * path.speed) if going else 0.0
-        step = 0.78 + 0.22 * path.speed  # metres between two footfalls of one foot, halved
+        step = 0.78 + 0.22 * path.speed  # metres a step: half the distance between two footfalls of one foot
         lean = 0.03 * path.speed if going else 0.0
         group = person(clothes, height, math.pi * walked / step, stride, lean, 0.2)
         bounce = 0.02 * abs(math.sin(math.pi * walked / step))
@@ -111,7 +114,7 @@ def walker(clothes: Clothes, height: float, path: Path) -> Actor:
 def stander(
     clothes: Clothes, height: float, position: tuple[float, float], yaw: float, phase: float
 ) -> Actor:
-    """Someone who stays in place, swaying, turning a little and waving an arm."""
+    """Someone who stays in place, sways, turns a little and waves an arm; `phase` shifts these motions, radians."""
 
     def at(time: float) -> Group:
         sway = math.sin(1.3 * time + phase)
@@ -125,7 +128,7 @@ def stander(
 
 
 def ball(material: int, radius: float, path: Path, bounce: float = 0.0, floor: float = 0.0) -> Actor:
-    """A ball that rolls along a path, bouncing up to `bounce` metres."""
+    """A ball that rolls along a path and bounces up to `bounce` metres; `floor` is the height of the ground, metres."""
 
     def at(time: float) -> Group:
         position, heading, walked = path.at(time)
@@ -158,7 +161,7 @@ def carton(material: int, size: float, path: Path) -> Actor:
 def frog(
     body: int, belly: int, eye: int, pupil: int, sleeve: int, skin: int, path: Path, table: float
 ) -> Actor:
-    """A hand puppet that hops along a path on a table at height `table`, 0.2 m tall, on somebody's arm."""
+    """A hand puppet, 0.2 m tall, on somebody's arm; it hops along a path on a table whose top is at height `table`."""
 
     def at(time: float) -> Group:
         (x, y), _, walked = path.at(time)

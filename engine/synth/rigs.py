@@ -1,4 +1,4 @@
-"""The rigs of the twins, by rule: cameras as the paper's sequences have them (Table 1, section 4), and two more."""
+"""The rigs of the twins: cameras arranged as in the paper's sequences (Table 1, section 4), and two rigs of our own."""
 
 from __future__ import annotations
 
@@ -24,11 +24,16 @@ EYE_HEIGHT = 1.65
 
 @dataclass(frozen=True)
 class Rig:
-    """Source cameras, then virtual ones: the template `viewport` and targets t0, t1 ... with ground truth."""
+    """The cameras of a twin.
+
+    cameras: the source cameras, then the virtual ones: the template `viewport`, and targets t0, t1 ... with ground
+    truth. moving: for each camera that moves, a function from time in seconds to its pose. depth_noise: default
+    strength of the errors in the depth.
+    """
 
     cameras: tuple[Camera, ...]
     source_names: tuple[str, ...]
-    moving: dict[str, Callable[[float], Pose]]  # cameras with a pose per instant (seconds)
+    moving: dict[str, Callable[[float], Pose]]
     frame_count: int
     depth_noise: float
 
@@ -38,7 +43,7 @@ class Rig:
         return tuple(c.name for c in self.cameras if c.name[0] == "t")
 
     def camera(self, name: str, time: float = 0.0) -> Camera:
-        """A camera by name at an instant in seconds; raises ValueError for unknown names."""
+        """The camera called `name` with its pose at `time` in seconds; raises ValueError for an unknown name."""
         for camera in self.cameras:
             if camera.name == name:
                 pose = self.moving[name](time) if name in self.moving else camera.pose
@@ -47,7 +52,10 @@ class Rig:
 
 
 def twin_cameras(name: str, scale: float = 1.0) -> Rig:
-    """The rig of a twin, its pictures `scale` times the size; raises ValueError for a bad name or scale."""
+    """The rig of the twin `name`, with pictures `scale` times as wide and high as the original's.
+
+    Raises ValueError for an unknown name, or a scale that is not above 0 and at most 4.
+    """
     rigs = {
         "museum": _museum,
         "hijack": _hijack,
@@ -80,7 +88,7 @@ def _outward(direction: F64, radius: float) -> Pose:
 
 
 def _snub_cube() -> Iterable[F64]:
-    """24 directions spread over the sphere, as the real ball has them: the corners of a snub cube."""
+    """The directions of the 24 cameras on the real ball: the corners of a snub cube, spread evenly over the sphere."""
     tribonacci = (1 + (19 + 3 * math.sqrt(33)) ** (1 / 3) + (19 - 3 * math.sqrt(33)) ** (1 / 3)) / 3
     base = np.array([1.0, 1.0 / tribonacci, tribonacci])
     for order in itertools.permutations(range(3)):
@@ -189,13 +197,13 @@ def _gymnasium() -> Rig:
 
 
 def _doorway() -> Rig:
-    """None of the paper's: an arc of cameras before a wall with a doorway, of which the middle ones look through."""
+    """Not in the paper: an arc of cameras in front of a wall with a doorway; the middle cameras look through it."""
     lens = Perspective.from_fov(2048, 1536, math.radians(80))
     places = [(0.35 - 0.09 * y * y, y) for y in np.linspace(-2.4, 2.4, 8)]
     sources = [(f"v{k}", lens, _look(x, y, 1.5 + 0.15 * (k % 2), -12.0 * y)) for k, (x, y) in enumerate(places)]
     targets = [
-        (lens, _look(0.3, 0.7, 1.65)),  # before the doorway
-        (lens, _look(0.2, -1.75, 1.6, 10)),  # beside it: the wall hides most of the second room
+        (lens, _look(0.3, 0.7, 1.65)),  # in front of the doorway
+        (lens, _look(0.2, -1.75, 1.6, 10)),  # to one side of it: the wall hides most of the second room
         (lens, _look(0.1, 1.5, 1.5, -15)),
         (lens, _look(1.2, 0.55, 1.6)),
         (lens, _look(-0.9, -0.6, 1.7, 5)),
@@ -204,7 +212,7 @@ def _doorway() -> Rig:
 
 
 def _street() -> Rig:
-    """None of the paper's: a beam of 4.2 m in a street, looking along it to hills 300 m away."""
+    """Not in the paper: cameras on a beam of 4.2 m across a street, looking along it to hills 300 m away."""
     lens = Perspective.from_fov(1920, 1080, math.radians(80))
     sources = [
         (f"v{k}", lens, _look(0.0, 0.6 * (3.5 - k), 2.1 + 0.3 * (k % 2), 1.5 * (3.5 - k), 3.0)) for k in range(8)

@@ -1,4 +1,4 @@
-"""What a twin is a picture of."""
+"""The scene that a twin shows: solids that stand still, actors, materials and lamps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Scene"]
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A static world, lit by fixed lamps, and actors that are functions of time."""
+    """Groups of solids that stand still, lit by fixed lamps, and actors, which are functions of time."""
 
     name: str
     materials: F64  # [k, MATERIAL_SIZE]
@@ -28,11 +28,11 @@ class Scene:
 
     @cached_property
     def background(self) -> Solids:
-        """What stands still, packed."""
+        """The solids that stand still, packed for the ray tracer."""
         return pack(self.static)
 
     def packed(self, time: float) -> Solids:
-        """Everything at `time` in seconds, packed: the background, then the actors."""
+        """All solids at `time` in seconds, packed for the ray tracer: the background first, then the actors."""
         parts, groups = self.background
         moving_parts, moving_groups = pack([actor(time) for actor in self.actors])
         moving_groups[:, [FIRST, END]] += len(parts)

@@ -1,4 +1,4 @@
-"""The scenes of the twins, by name: furnished rooms and a street, and who moves in them."""
+"""The scenes of the twins, by name: furnished rooms and a street, with people who move in them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TWINS: dict[str, Callable[[str, np.random.Generator], Scene]] = {
 
 
 def make_scene(name: str, seed: int = 0) -> Scene:
-    """The scene of a twin; raises ValueError for names not in TWINS."""
+    """The scene of the twin `name`; `seed` draws its materials and people. Raises ValueError for names not in TWINS."""
     if name not in TWINS:
         raise ValueError(f"twin: {name!r}: expected one of {', '.join(TWINS)}")
     return TWINS[name](name, np.random.default_rng(seed))

@@ -1,4 +1,4 @@
-"""Where scenes get their materials, clothes and people from."""
+"""A shop where a scene gets its materials, pictures, clothes and people."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ class Shop:
         self.blue_cloth = add(p.STRIPES, (0.08, 0.14, 0.4), (0.2, 0.28, 0.55), 0.07, 0.5)
 
     def image(self) -> int:
-        """A new painting."""
+        """Material of a new painting."""
         return self.palette.add(p.PICTURE, (0.5, 0.5, 0.5), scale=0.1, rough=0.35)
 
     def colour(self, low: float = 0.05, high: float = 0.6) -> list[float]:
-        """A random linear RGB colour."""
+        """A random linear RGB colour with components from `low` to `high`."""
         return [float(c) for c in self.rng.uniform(low, high, 3)]
 
     def books(self) -> list[int]:
@@ -75,13 +75,17 @@ class Shop:
         return [walker(self.clothes(), self.height(), path) for path in paths]
 
     def standers(self, spots: Sequence[tuple[float, float, float]]) -> list[Actor]:
-        """Someone at each (x, y, yaw)."""
+        """Someone at each spot (x, y, yaw): metres and radians."""
         return [
             stander(self.clothes(), self.height(), (x, y), yaw, float(self.rng.uniform(0, 6))) for x, y, yaw in spots
         ]
 
     def hung(self, wall: str, face: float, along: Sequence[float], sizes: Sequence[tuple[float, float]]) -> list[Group]:
-        """Pictures in a row on the wall named by axis and side ("+x"), whose face is at coordinate `face`."""
+        """Framed pictures in a row on a wall.
+
+        wall: its axis and side, such as "+x". face: coordinate of its face on that axis, metres. along: coordinates of
+        the pictures' middles on the other horizontal axis, metres. sizes: width and height of each, metres.
+        """
         yaw = {"+x": math.pi, "-x": 0.0, "+y": -math.pi / 2, "-y": math.pi / 2}[wall]
         frames = [self.gold, self.dark_wood, self.metal]
         groups = []

@@ -18,7 +18,7 @@ __all__ = ["make"]
 
 
 def make(name: str, rng: np.random.Generator) -> Scene:
-    """A street along x with hills at its end, 320 m away; the cameras stand across its middle."""
+    """The scene called `name`; `rng` draws its materials and its people."""
     shop = Shop(rng)
     add = shop.palette.add
     sky = add(p.NOISE, (0.5, 0.66, 0.9), (0.85, 0.87, 0.9), 60.0, 0.1)

@@ -1,4 +1,4 @@
-"""Twins in memory and on disk: frames of the source cameras and ground truth for any virtual camera."""
+"""Twins in memory and on disk: frames of the source cameras, and ground truth for any virtual camera."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ __all__ = ["FPS", "Twin", "make_twin", "render_view", "twin_frame", "write_twin"
 
 
 FPS = 30.0
-# The errors of estimated depth at strength 1: how far edges wander, as a share of the width, and how far
-# codes are off, as a share of their range.
+# Errors of estimated depth at strength 1: the distance by which edges wander, as a share of the picture's width, and
+# the error of codes, as a share of their range.
 EDGE_ERROR, CODE_ERROR = 0.0025, 0.006
 
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """A scene, its rig and what was rendered of the part that stands still."""
+    """A scene and its rig. What stands still is rendered once for each camera and kept."""
 
     name: str
     seed: int
@@ -42,7 +42,7 @@ class Twin:
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
-        """All cameras, virtual ones too, as they are in frame 0."""
+        """All cameras, including the virtual ones, with their poses in frame 0."""
         return self.rig.cameras
 
     @property
@@ -52,15 +52,18 @@ class Twin:
 
     @property
     def sources(self) -> tuple[Camera, ...]:
-        """The reference cameras as they are in frame 0."""
+        """The reference cameras with their poses in frame 0."""
         return tuple(self.rig.camera(name) for name in self.source_names)
 
     def camera(self, name: str, index: int = 0) -> Camera:
-        """A camera by name with its pose in a frame; raises ValueError for unknown names."""
+        """The camera called `name` with its pose in frame `index`; raises ValueError for an unknown name."""
         return self.rig.camera(name, index / FPS)
 
     def truth(self, camera: Camera, index: int) -> View:
-        """What a camera sees in a frame, without errors: as `render_view`, but sooner for fixed cameras."""
+        """The view of a camera in frame `index`, without errors.
+
+        The same as that of `render_view`, but faster for cameras that do not move: only the actors are traced again.
+        """
         if camera not in self._static:
             self._static[camera] = render_view(
                 self.scene, camera, 0.0, samples=self.samples, background_only=True
@@ -72,7 +75,7 @@ class Twin:
         return view
 
     def view(self, name: str, index: int) -> View:
-        """A source camera's view in a frame, its depth with errors as far as the twin has any."""
+        """The view of the source camera `name` in frame `index`; its depth has errors of strength `depth_noise`."""
         camera = self.camera(name, index)
         if name in self.rig.moving:
             view = render_view(self.scene, camera, index / FPS, samples=self.samples)
@@ -98,10 +101,10 @@ class Twin:
 
 
 def make_twin(name: str, scale: float = 1.0, seed: int = 0, depth_noise: float | None = None) -> Twin:
-    """A twin by name (`scenes.TWINS`), its pictures `scale` times the size.
+    """The twin called `name` (one of `scenes.TWINS`), with pictures `scale` times as wide and high.
 
-    `depth_noise` is the strength of the errors of estimated depth, by default 1 for painter and frog and 0
-    for the others. Raises ValueError for an unknown name or a scale or strength out of range.
+    `depth_noise` is the strength of the errors of estimated depth; by default it is 1 for painter and frog and 0
+    for the others. Raises ValueError for an unknown name, or a scale or strength out of range.
     """
     scene, rig = make_scene(name, seed), twin_cameras(name, scale)
     strength = rig.depth_noise if depth_noise is None else depth_noise
@@ -113,9 +116,9 @@ def make_twin(name: str, scale: float = 1.0, seed: int = 0, depth_noise: float |
 def render_view(
     scene: Scene, camera: Camera, time: float, *, samples: int = 2, background_only: bool = False
 ) -> View:
-    """Ground truth: what any camera sees at `time` in seconds, or of the scene without its actors.
+    """Ground truth: the view of any camera at `time` in seconds; with `background_only`, of the scene without actors.
 
-    Colour is the mean of samples x samples rays a pixel; depth is that of the pixel centre.
+    A pixel's colour is the mean of samples x samples rays; its depth is that of its centre.
     """
     height, width = camera.height, camera.width
     half = ((height + 1) // 2, (width + 1) // 2)
@@ -126,7 +129,7 @@ def render_view(
 
 
 def twin_frame(twin: Twin, index: int, names: Sequence[str] | None = None) -> Frame:
-    """A frame of a twin, rendered in memory: all its source views or those named, in that order."""
+    """Frame `index` of a twin, rendered in memory: the source views `names` in that order, by default all."""
     return Frame(index, tuple(twin.view(name, index) for name in names or twin.source_names))
 
 
@@ -139,9 +142,10 @@ def write_twin(
     depth_noise: float | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
-    """Write a twin to a TMIV folder, the virtual cameras' ground truth to its truth/.
+    """Write a twin to a TMIV folder; the ground truth of its virtual cameras goes to the subfolder truth/.
 
-    `progress` is called with the pictures done and their number. Raises ValueError for bad parameters.
+    `frames` is the number of frames, by default that of the original. `progress` is called with the number of
+    pictures done and the total. Raises ValueError as `make_twin` does, and for a number of frames below 1.
     """
     twin = make_twin(name, scale, seed, depth_noise)
     count = twin.rig.frame_count if frames is None else frames
