@@ -27,7 +27,7 @@ COMMANDS = {
 
 
 class _LazyGroup(TyperGroup):
-    """Lists commands from COMMANDS; imports the one that is asked for."""
+    """Lists the commands from COMMANDS and imports only the one that is called."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         return list(COMMANDS)

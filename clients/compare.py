@@ -21,18 +21,19 @@ __all__ = ["command", "compare"]
 
 def command(
     ref: Annotated[Path, typer.Argument(metavar="REF.yuv", help="The reference.")],
-    test: Annotated[Path, typer.Argument(metavar="TEST.yuv", help="What is judged.")],
+    test: Annotated[Path, typer.Argument(metavar="TEST.yuv", help="The video to judge.")],
     size: Annotated[str, typer.Option(metavar="WxH", help="Picture size, pixels.")],
-    pixel_format: Annotated[str, typer.Option("--format", help="Of both files, 4:2:0.")] = "yuv420p10le",
+    pixel_format: Annotated[str, typer.Option("--format", help="Pixel format of both files, 4:2:0.")] = "yuv420p10le",
     erp: Annotated[
-        str | None, typer.Option(metavar="H,V", help="Equirectangular with these ranges, degrees.")
+        str | None,
+        typer.Option(metavar="H,V", help="The videos are equirectangular with these angular ranges, degrees."),
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write the figures here.")
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write the figures to this file.")
     ] = None,
 ) -> None:
-    """Compare two raw videos, by frame and in the mean: PSNR, IV-PSNR and, with --erp, WS-PSNR, in dB; SSIM, MS-SSIM,
-    IV-SSIM and IV-MS-SSIM."""
+    """Compare two raw videos, frame by frame and on average: PSNR, IV-PSNR and, with --erp, WS-PSNR, in dB; SSIM,
+    MS-SSIM, IV-SSIM and IV-MS-SSIM."""
     width, height = _size(size)
     reference, judged = (RawVideo(path, width, height, PixelFormat(pixel_format)) for path in (ref, test))
     report = compare(reference, judged, _erp(erp))
@@ -41,11 +42,15 @@ def command(
     Console(width=None if sys.stdout.isatty() else 140).print(_table(report))
     counts = reference.frame_count, judged.frame_count
     if counts[0] != counts[1]:
-        raise ValueError(f"frames: {ref.name} has {counts[0]}, {test.name} has {counts[1]}: expected as many")
+        raise ValueError(f"frames: {ref.name} has {counts[0]}, {test.name} has {counts[1]}: expected the same number")
 
 
 def compare(ref: RawVideo, test: RawVideo, erp: tuple[float, float] | None = None) -> dict[str, object]:
-    """The figures of every frame that both have, and their means. Raises ValueError for truncated files."""
+    """Quality figures of every frame that both videos have, and their means, as the JSON report.
+
+    `erp`: horizontal and vertical range of equirectangular pictures, degrees. Raises ValueError for a truncated or
+    empty file and for a format that is not 4:2:0.
+    """
     for video in (ref, test):
         if not video.format.has_chroma:
             raise ValueError(f"format: {video.format.name!r}: expected 4:2:0 (yuv420p...)")
@@ -92,7 +97,7 @@ def _table(report: dict[str, object]) -> Table:
     assert isinstance(frames, list)
     assert isinstance(mean, dict)
     table = Table("frame", title="PSNR in dB", box=box.SIMPLE)
-    shown = [name for name in mean if not re.search(r"ssim_(y|cb|cr|gaussian)$", name)]  # the file has all
+    shown = [name for name in mean if not re.search(r"ssim_(y|cb|cr|gaussian)$", name)]  # the JSON file has all
     for name in shown:
         title = name.replace("psnr", "PSNR").replace("ssim", "SSIM")
         for prefix in ("ws_", "iv_", "ms_"):

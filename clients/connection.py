@@ -1,4 +1,4 @@
-"""A client's side of the protocol: connect, say hello, send and receive messages, try again."""
+"""A client's side of the protocol: connect, say hello, send and receive messages, reconnect."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ PRIVATE_CODES = range(4400, 4500)  # the client is at fault: trying again change
 
 
 class RefusedError(ValueError):
-    """The server did not take what was sent, and says why."""
+    """The server refused what the client sent; the message says why."""
 
 
-# A large message goes in fragments: asyncio moves what is left of a write each time that a part of it is sent,
-# which takes time in the square of its length.
+# A large message is sent in fragments: each time that asyncio has sent a part of a write, it moves the rest, so that
+# the time grows with the square of the length.
 FRAGMENT_BYTES = 1 << 18
 
 
@@ -49,7 +49,7 @@ class Peer:
         await self.send_bytes(encode(message))
 
     async def send_bytes(self, data: bytes) -> None:
-        """Send a message that is encoded already."""
+        """Send a message that is already encoded."""
         try:
             if len(data) <= FRAGMENT_BYTES:
                 await self._socket.send(data)
@@ -64,7 +64,10 @@ class Peer:
     @overload
     async def receive(self, *allowed: type[Message]) -> Message: ...
     async def receive(self, *allowed: type[Any]) -> Any:
-        """The next message; raises RefusedError for what the server refuses, ConnectionError at the end."""
+        """Receive the next message, one of `allowed`.
+
+        Raises RefusedError if the server refuses this client, ConnectionError when the connection has ended.
+        """
         try:
             data = await self._socket.recv(decode=False)
         except ConnectionClosed as error:
@@ -75,7 +78,7 @@ class Peer:
         return message
 
     async def _closed(self, error: ConnectionClosed) -> Exception:
-        """Why the connection ended: a refusal may still wait to be read."""
+        """The exception that says why the connection ended: the server's refusal may still be unread."""
         try:
             while True:
                 message = decode(await self._socket.recv(decode=False))
@@ -97,7 +100,7 @@ def _refused(error: Error) -> Exception:
 
 
 def base_url(url: str, scheme: str) -> str:
-    """The server's address with a scheme (ws, http; secure where given so); raises ValueError."""
+    """The server's address with `scheme` (ws or http; wss or https if `url` is secure); raises ValueError."""
     parts = urlsplit(url if "://" in url else f"http://{url}")
     try:
         port = parts.port
@@ -113,7 +116,10 @@ def base_url(url: str, scheme: str) -> str:
 async def connect(
     url: str, hello: ViewerHello | SourceHello, *, timeout_s: float = 120.0
 ) -> AsyncIterator[tuple[Peer, Welcome]]:
-    """Connect and greet. Raises RefusedError, or ConnectionError where no server answers."""
+    """Connect and greet; `timeout_s` bounds the wait for the welcome.
+
+    Raises RefusedError if the server refuses, ConnectionError if no server answers.
+    """
     address = f"{base_url(url, 'ws')}/{hello.ROLE}"
     try:
         socket = await open_socket(address, max_size=None, compression=None, ping_timeout=120)
@@ -133,7 +139,10 @@ async def connect(
 async def persist(
     session: Callable[[], Awaitable[T]], patience_s: float, tell: Callable[[str], None], pause_s: float = 0.5
 ) -> T:
-    """Run a session, again after a lost connection, until one ends or `patience_s` went by without one."""
+    """Run `session`; after a lost connection run it again, `pause_s` later. Returns what a session that ends returns.
+
+    Raises the last ConnectionError after `patience_s` seconds without a connection. `tell` is called with each failure.
+    """
     while True:
         started = time.monotonic()
         try:
@@ -143,6 +152,6 @@ async def persist(
             if patience_s <= 0:
                 raise
             tell(f"{error}; trying again")
-            # A session that lived renews the patience; failures in a row use it up.
+            # A session that lasted more than five seconds renews the patience; failures in a row use it up.
             patience_s = patience_s if lived > 5.0 else patience_s - lived - pause_s
             await asyncio.sleep(pause_s)

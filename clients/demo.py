@@ -24,18 +24,18 @@ __all__ = ["command"]
 
 
 def command(
-    scale: Annotated[float, typer.Option(help="Size of the twin's pictures; 1 is the paper's.")] = 0.25,
-    frames: Annotated[int, typer.Option(min=1, help="Frames of the twin; played to and fro.")] = 60,
+    scale: Annotated[float, typer.Option(help="Size of the twin's pictures; 1: the paper's size.")] = 0.25,
+    frames: Annotated[int, typer.Option(min=1, help="Frames of the twin, played forwards and backwards.")] = 60,
     rate: Annotated[float, typer.Option(help="Frames a second.")] = 10.0,
     port: Annotated[int, typer.Option(help="Port (0: any free one).")] = 8765,
-    seconds: Annotated[float | None, typer.Option(help="Stop after this long (default: Ctrl-C).")] = None,
+    seconds: Annotated[float | None, typer.Option(help="Stop after this time (default: run until Ctrl-C).")] = None,
     quality: Annotated[str, typer.Option(help="fast, balanced, best, or paper (as published).")] = "fast",
     target_fps: Annotated[
         float | None,
-        typer.Option(help="Hold this many pairs a second: quality changes with the load, up to --quality at best."),
+        typer.Option(help="Stereo pairs a second to hold: quality follows the load, --quality is the upper limit."),
     ] = None,
     cache: Annotated[
-        Path | None, typer.Option(help="Where twins are kept (default: the user's cache).")
+        Path | None, typer.Option(help="Folder in which twins are kept (default: the user's cache).")
     ] = None,
 ) -> None:
     """Show everything at once: a twin sequence, the server, a replay and the viewer's address."""
@@ -57,7 +57,7 @@ def _cache() -> Path:
 
 
 def _twin(cache: Path, scale: float, frames: int, console: Console) -> Path:
-    """The museum twin, made on the first run; a run that was stopped leaves nothing half done."""
+    """The folder of the museum twin, which is made on the first run; an interrupted run leaves no partial folder."""
     folder = cache / f"museum-{scale:g}-{frames}"
     if folder.is_dir():
         return folder
@@ -79,7 +79,7 @@ def _twin(cache: Path, scale: float, frames: int, console: Console) -> Path:
 async def _play(
     server: uvicorn.Server, listening: socket.socket, replay: Replay, seconds: float | None
 ) -> None:
-    """Serve and replay until the time is over or either ends; the replay stops first."""
+    """Serve and replay for `seconds`, or until either ends; then stop the replay before the server."""
     serving = asyncio.create_task(server.serve(sockets=[listening]))
     playing = asyncio.create_task(_replay(server, replay, url_of(listening)))
     try:

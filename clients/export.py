@@ -28,9 +28,11 @@ def command(
         str, typer.Argument(metavar="URL|SEQ", help="A server's address or a sequence's folder.")
     ],
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="The file to write, .glb or .ply.")],
-    frames: Annotated[int | None, typer.Option(min=1, help="Of a sequence, how many frames.")] = None,
-    sources: Annotated[str | None, typer.Option(help="Of a sequence, views like v0,v3.")] = None,
-    quality: Annotated[str, typer.Option(help="Of a sequence: fast, balanced, best, paper.")] = "balanced",
+    frames: Annotated[int | None, typer.Option(min=1, help="Sequences only: number of frames (default: all).")] = None,
+    sources: Annotated[
+        str | None, typer.Option(help="Sequences only: source views, like v0,v3 (default: all).")
+    ] = None,
+    quality: Annotated[str, typer.Option(help="Sequences only: fast, balanced, best or paper.")] = "balanced",
     token: Annotated[str, typer.Option(envvar="FARSIDE_TOKEN", help="The server's token.")] = "",
 ) -> None:
     """Write the background model of a live server, or of a sequence, as a mesh."""
@@ -75,7 +77,7 @@ def _of_sequence(
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("loading the engine", total=count)
         from farside.engine.io.mesh_files import to_glb, to_ply
-        from farside.engine.pipeline.engine import Engine  # late: compiled kernels take a moment to load
+        from farside.engine.pipeline.engine import Engine  # imported late: compiled kernels take a moment to load
 
         engine = Engine([sequence.camera(name) for name in names], settings, f_vin=sequence.fps)
         for index, frame in enumerate(sequence.frames(0, count, names)):

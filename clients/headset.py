@@ -31,7 +31,7 @@ Path6 = Callable[[Pose, float], Pose]  # (home, seconds) -> the head's pose
 
 
 def swaying(home: Pose, seconds: float) -> Pose:
-    """The built-in path: the head leans and turns about its home in a slow figure of eight."""
+    """The built-in path: in 8 s the head leans and turns around its `home` pose in a figure of eight."""
     turn = 2 * math.pi * seconds / 8.0
     yaw, pitch = math.radians(15) * math.sin(turn), math.radians(5) * math.sin(2 * turn)
     moved = home.translated((0.05 * math.sin(2 * turn), 0.15 * math.sin(turn), 0.05 * math.sin(2 * turn)))
@@ -40,9 +40,9 @@ def swaying(home: Pose, seconds: float) -> Pose:
 
 
 def along_trace(path: Path, rate: float) -> Path6:
-    """The path of a pose trace with `rate` rows a second, relative to the home's pose; held at its end.
+    """The path of a pose trace, `rate` rows a second, relative to the home pose; the last pose is held.
 
-    A rig need not stand upright or look along x: the wearer of the headset faces where the cameras do.
+    Poses are relative because a rig may be tilted or look along any axis: the wearer faces where the cameras look.
     """
     offsets = read_pose_trace(path, _viewport(Pose()))
 
@@ -61,7 +61,7 @@ def _viewport(pose: Pose) -> Camera:
 
 
 def _between(a: Pose, b: Pose, fraction: float) -> Pose:
-    """Linear in position, normalised linear in orientation: traces have small steps."""
+    """Interpolate positions linearly and orientations by normalised linear steps: a trace's steps are small."""
     q, r = np.array(a.orientation), np.array(b.orientation)
     q = (1 - fraction) * q + fraction * (r if q @ r >= 0 else -r)
     p = (1 - fraction) * np.array(a.position) + fraction * np.array(b.position)
@@ -71,7 +71,7 @@ def _between(a: Pose, b: Pose, fraction: float) -> Pose:
 
 @dataclass
 class Headset:
-    """One viewer: sends a pose `rate` times a second, for `seconds`; keeps what it learns of the answers."""
+    """One viewer: sends a pose `rate` times a second, for `seconds`, and keeps figures of the pictures received."""
 
     hello: ViewerHello
     path: Path6 = swaying
@@ -86,13 +86,13 @@ class Headset:
     holes: list[float] = field(default_factory=list)
     bytes_received: int = 0  # of the pictures
     stages: list[dict[str, float]] = field(default_factory=list)
-    rungs: Counter[str] = field(default_factory=Counter)  # pictures on each of the server's rungs
-    span: tuple[float, float] = (0.0, 0.0)  # when the first and the last picture came
+    rungs: Counter[str] = field(default_factory=Counter)  # pictures on each rung of the server's ladder
+    span: tuple[float, float] = (0.0, 0.0)  # arrival of the first and of the last picture, s
     _writing: asyncio.Task[None] | None = None
     _before: int = 0  # pictures received over earlier connections
 
     async def run(self, url: str) -> None:
-        """Connect, then move and look until the time is over; raises RefusedError or ConnectionError."""
+        """Connect, send poses and receive pictures for `seconds`; raises RefusedError or ConnectionError."""
         async with connect(url, self.hello) as (peer, _):
             self._before = len(self.frames)
             self._show_scene(await peer.receive(Scene))
@@ -115,7 +115,7 @@ class Headset:
         self.home = pose_from_wire(self.hello.axes, scene.position, scene.orientation)
 
     async def _move(self, peer: Peer) -> None:
-        """Send poses; the time starts with the first picture (kernels may have to be compiled first)."""
+        """Send poses. `seconds` count from the first picture, because kernels may have to be compiled first."""
         start = time.monotonic()
         while (elapsed := time.monotonic() - start) < self.seconds:
             if not self.frames:
@@ -144,13 +144,13 @@ class Headset:
         self.stages.append(dict(picture.stages))
         self.rungs[picture.rung] += 1
         if self.out is not None and (self._writing is None or self._writing.done()):
-            number = len(self.frames) - 1  # what comes while PNGs are written is left out
+            number = len(self.frames) - 1  # pictures that arrive while PNGs are written are not saved
             self._writing = asyncio.create_task(asyncio.to_thread(_write_pngs, picture, self.out, number))
         self.progress(self)
 
     @property
     def rate_received(self) -> float:
-        """Stereo pictures a second."""
+        """Stereo pictures received a second."""
         elapsed = self.span[1] - self.span[0]
         return (len(self.frames) - 1) / elapsed if elapsed > 0 else 0.0
 
@@ -184,16 +184,18 @@ def command(
     url: Annotated[str, typer.Argument(help="The server, like http://127.0.0.1:8765.")],
     pose_trace: Annotated[Path | None, typer.Option(help="CSV of head poses (default: a built-in path).")] = None,
     trace_rate: Annotated[float, typer.Option(help="Rows of the trace a second.")] = 30.0,
-    out: Annotated[Path | None, typer.Option(help="Folder for PNGs, as many as can be written.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for PNGs; pictures that arrive while some are written are left out.")
+    ] = None,
     rate: Annotated[float, typer.Option(min=0.1, max=1000, help="Poses a second.")] = 72.0,
-    seconds: Annotated[float, typer.Option(min=0.1, help="How long, from the first picture on.")] = 10.0,
-    size: Annotated[str, typer.Option(help="Picture of an eye, WxH.")] = "640x720",
+    seconds: Annotated[float, typer.Option(min=0.1, help="Duration, counted from the first picture.")] = 10.0,
+    size: Annotated[str, typer.Option(help="Picture size of an eye, WxH.")] = "640x720",
     fov: Annotated[float, typer.Option(help="Horizontal field of view of an eye, degrees.")] = 90.0,
     ipd: Annotated[float, typer.Option(help="Distance between the eyes, metres.")] = 0.063,
     raw: Annotated[bool, typer.Option("--raw", help="Ask for raw pictures instead of JPEG.")] = False,
-    axes: Annotated[str, typer.Option(help="omaf or openxr.")] = "openxr",
+    axes: Annotated[str, typer.Option(help="Axes of poses on the wire: omaf or openxr.")] = "openxr",
     token: Annotated[str, typer.Option(envvar="FARSIDE_TOKEN", help="The server's token.")] = "",
-    patience: Annotated[float, typer.Option(help="Seconds to keep trying without a connection.")] = 10.0,
+    patience: Annotated[float, typer.Option(help="Seconds to keep trying to connect.")] = 10.0,
 ) -> None:
     """Send head poses to a live server and receive stereo pictures, as a headset would."""
     width, height = parse_size(size)

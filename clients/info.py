@@ -22,7 +22,7 @@ __all__ = ["command"]
 def command(
     sequence: Annotated[Path, typer.Argument(metavar="SEQ", help="The sequence's folder, or its JSON.")],
 ) -> None:
-    """List what a sequence holds and what is wrong with it; the exit code is 2 where anything is."""
+    """List what a sequence holds and what is wrong with it; the exit code is 2 if anything is wrong."""
     console = Console(width=None if sys.stdout.isatty() else 140)
     problems = check_sequence(sequence)
     try:
@@ -30,7 +30,7 @@ def command(
         description, _ = parse_json(file.read_text("utf-8"), file.stem)
         _show(console, description, file.parent)
     except (TmivError, OSError, UnicodeDecodeError):
-        pass  # is among the problems
+        pass  # check_sequence has reported it
     for line in problems:
         console.print(f"[red]problem[/] {escape(line)}", soft_wrap=True, highlight=False)
     if problems:

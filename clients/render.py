@@ -30,18 +30,21 @@ from rich.progress import Progress
 __all__ = ["command"]
 
 Tolerance = Annotated[
-    float | None, typer.Option(help="Triangulation error in pixels; 0: two triangles a pixel.")
+    float | None, typer.Option(help="Largest triangulation error in pixels; 0: two triangles for each pixel.")
 ]
 ViewingSpace = Annotated[
     tuple[float, float, float, float] | None,
-    typer.Option(metavar="X Y Z R", help="Heads stay in this ball, metres: what it cannot see is not kept."),
+    typer.Option(
+        metavar="X Y Z R", help="Ball in which heads stay, metres: background that cannot be seen from it is not kept."
+    ),
 ]
 Exposure = Annotated[
     float | None,
-    typer.Option(help="Time constant of following the views' exposure and white balance, s; 0: leave them."),
+    typer.Option(help="Time constant with which exposure and white balance of views are followed, s; 0: not followed."),
 ]
 OutputScale = Annotated[
-    float | None, typer.Option(help="Size of the pictures to that asked for, each way, at the same field of view.")
+    float | None,
+    typer.Option(help="Factor on the pictures' width and height; the field of view stays the same."),
 ]
 
 
@@ -52,28 +55,36 @@ def command(
     pose_trace: Annotated[Path | None, typer.Option(help="CSV of head poses.")] = None,
     stereo: Annotated[bool, typer.Option(help="Render both eyes of the pose trace.")] = False,
     ipd: Annotated[float, typer.Option(help="Interpupillary distance, metres.")] = 0.063,
-    size: Annotated[str | None, typer.Option(metavar="WxH", help="Picture size of the pose trace.")] = None,
-    fov: Annotated[float | None, typer.Option(help="Horizontal field of view, degrees.")] = None,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Picture size for the pose trace.")] = None,
+    fov: Annotated[
+        float | None, typer.Option(help="Horizontal field of view for the pose trace, degrees.")
+    ] = None,
     frames: Annotated[str | None, typer.Option(metavar="A:B", help="Output frames A to B - 1.")] = None,
-    sources: Annotated[str | None, typer.Option(metavar="v0,v3,...", help="Use only these views.")] = None,
-    views: Annotated[int | None, typer.Option(help="Views warped a picture.")] = None,
-    init: Annotated[int | None, typer.Option(help="Views that build the S-PBS.")] = None,
-    update: Annotated[int | None, typer.Option(help="Views that update the P-PBS a frame.")] = None,
-    update_interval: Annotated[int | None, typer.Option(help="The model takes every so many frames.")] = None,
-    background: Annotated[bool, typer.Option("--background/--no-background", help="The model.")] = True,
+    sources: Annotated[str | None, typer.Option(metavar="v0,v3,...", help="Use only these source views.")] = None,
+    views: Annotated[int | None, typer.Option(help="Views warped for each picture (n_render).")] = None,
+    init: Annotated[int | None, typer.Option(help="Views that build the S-PBS (n_init).")] = None,
+    update: Annotated[int | None, typer.Option(help="Views that update the P-PBS in each frame (n_update).")] = None,
+    update_interval: Annotated[
+        int | None, typer.Option(metavar="N", help="The model takes every N-th frame.")
+    ] = None,
+    background: Annotated[
+        bool, typer.Option("--background/--no-background", help="Build and render the background model.")
+    ] = True,
     history: Annotated[
-        bool, typer.Option("--history/--no-history", help="Show frames before A to the model first.")
+        bool, typer.Option("--history/--no-history", help="Give the model the frames before A first.")
     ] = True,
     quality: Annotated[str, typer.Option(help="fast, balanced, best, or paper (as published).")] = "balanced",
     tolerance: Tolerance = None,
-    delta: Annotated[float | None, typer.Option(help="Culling tolerance, metres (the paper's: 0.2).")] = None,
+    delta: Annotated[float | None, typer.Option(help="Culling tolerance, metres (in the paper: 0.2).")] = None,
     viewing_space: ViewingSpace = None,
     exposure: Exposure = None,
     output_scale: OutputScale = None,
     fill: Annotated[bool, typer.Option("--fill/--no-fill", help="Fill disocclusions.")] = True,
     png: Annotated[bool, typer.Option(help="Also write PNG files.")] = False,
-    report: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write a report.")] = None,
-    ppm_masks: Annotated[bool, typer.Option(help="Also write pictures with the holes marked.")] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Write times and holes of every frame to this file.")
+    ] = None,
+    ppm_masks: Annotated[bool, typer.Option(help="Also write pictures in which the holes are marked.")] = False,
 ) -> None:
     """Render virtual cameras or a head-pose trace from a sequence."""
     opened = open_recording(sequence)
@@ -148,7 +159,7 @@ def _targets(
 
 
 def _template(sequence: Recording, size: str | None, fov: float | None) -> Camera:
-    """The viewport, or the first source where there is none, with the picture that the options ask for."""
+    """The camera `viewport`, or the first source view if there is none, with the size and field of view asked for."""
     template = sequence.camera("viewport" if "viewport" in sequence.camera_names else sequence.source_names[0])
     if size is None and fov is None:
         return template
@@ -160,7 +171,7 @@ def _template(sequence: Recording, size: str | None, fov: float | None) -> Camer
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """WxH in pixels; raises ValueError otherwise."""
+    """Width and height in pixels from text like 1280x1440; raises ValueError for anything else."""
     match = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", text)
     if not match:
         raise ValueError(f"--size: {text!r}: expected WxH, as in 1280x1440")

@@ -34,9 +34,9 @@ class Playback:
     recording: Recording
     sources: tuple[str, ...]
     rate: float  # frames a second
-    frames: int | None = None  # how many; None: all once, or for ever with `loop`
+    frames: int | None = None  # number of frames; None: all once, or without end with `loop`
     loop: bool = False
-    every_frame: bool = False  # wait until each frame was taken instead of keeping the rate
+    every_frame: bool = False  # wait until each frame has been taken instead of keeping the rate
     texture: Literal["raw", "jpeg"] = "raw"
     depth: Literal["raw", "zlib"] = "raw"
     token: str = ""
@@ -51,7 +51,7 @@ class Playback:
 
 @dataclass
 class Replay:
-    """One source: what it has sent and what became of it. Goes on where it was after a lost connection."""
+    """One source: the frames that it has sent, and their outcomes. After a lost connection it continues there."""
 
     playback: Playback
     progress: Callable[[Replay], None] = lambda replay: None
@@ -61,10 +61,10 @@ class Replay:
     shared: bool = False  # whether frames go through the server's memory
 
     async def run(self, url: str) -> None:
-        """Connect and send to the end; raises RefusedError or ConnectionError."""
+        """Connect and send all frames; raises RefusedError or ConnectionError."""
         p = self.playback
         cameras = tuple(p.recording.camera(name) for name in p.sources)
-        raw = p.texture == p.depth == "raw"  # a server on the same machine then takes them without sending
+        raw = p.texture == p.depth == "raw"  # only raw frames can go through the memory of a server on this machine
         hello = SourceHello(p.recording.name, p.rate, cameras, p.token, shares=raw)
         async with connect(url, hello) as (peer, welcome):
             credits = 1 if p.every_frame else welcome.credits
@@ -91,7 +91,7 @@ class Replay:
                 self.number += late
             await self._send_frame(session, self.number, buffer)
             self.number += 1
-        for _ in range(session.credits):  # what is still under way
+        for _ in range(session.credits):  # wait for the frames that are still under way
             await _unless_failed(session.window.acquire(), settling)
 
     async def _send_frame(self, session: _Session, number: int, buffer: int | None) -> None:
@@ -110,7 +110,7 @@ class Replay:
 
     @staticmethod
     def _write(view: View, number: int, buffer: int, planes: Planes) -> ViewData:
-        """Puts a view where the server reads it; the message that says so."""
+        """Write a view into the server's memory; returns the message that announces it."""
         for plane in ("y", "cb", "cr"):
             np.copyto(getattr(planes.texture, plane), getattr(view.texture, plane))
         np.copyto(planes.codes, view.codes)
@@ -129,9 +129,10 @@ class Replay:
 
 
 class _Session:
-    """One connection: how many frames may be under way, the server's memory where it is shared, and what is read.
+    """One connection: the frames that may be under way, the server's memory if it is shared, and the playhead.
 
-    A playhead is used by one thread at a time; a thread that still reads for a lost connection has that one's.
+    Only one thread at a time may use a playhead. Each connection has its own, because a thread may still be reading for
+    a connection that was lost.
     """
 
     def __init__(
@@ -143,7 +144,7 @@ class _Session:
 
 
 def _open_buffers(memory: SharedMemory | None, cameras: tuple[Camera, ...]) -> list[dict[str, Planes]] | None:
-    """The server's buffers; None where it does not offer them, or they cannot be seen from here (a container)."""
+    """The server's buffers; None if it does not offer them, or if this process cannot open them (another container)."""
     if memory is None:
         return None
     try:
@@ -153,7 +154,7 @@ def _open_buffers(memory: SharedMemory | None, cameras: tuple[Camera, ...]) -> l
 
 
 async def _unless_failed(waiting: Coroutine[Any, Any, T], task: asyncio.Task[NoReturn]) -> T:
-    """Await something, or the failure of a task that runs beside it."""
+    """Await `waiting`; raises the exception of `task`, which runs at the same time, if that fails first."""
     other = asyncio.ensure_future(waiting)
     try:
         await asyncio.wait((other, task), return_when=asyncio.FIRST_COMPLETED)
@@ -165,11 +166,11 @@ async def _unless_failed(waiting: Coroutine[Any, Any, T], task: asyncio.Task[NoR
 
 
 def parse_sources(sequence: Recording, sources: str | None) -> tuple[str, ...]:
-    """The views to send: those named, comma-separated, or all; raises ValueError for another's name."""
+    """The views to send: those named in `sources`, comma-separated, or all; raises ValueError for an unknown name."""
     names = tuple(sources.split(",")) if sources else sequence.source_names
     for name in names:
         if name not in sequence.source_names:
-            raise ValueError(f"--sources: {name!r}: expected some of {', '.join(sequence.source_names)}")
+            raise ValueError(f"--sources: {name!r}: expected names among {', '.join(sequence.source_names)}")
     return names
 
 
@@ -177,8 +178,10 @@ def command(
     sequence: Annotated[Path, typer.Argument(metavar="SEQ", help="The sequence's folder, or its JSON.")],
     url: Annotated[str, typer.Argument(help="The server, like http://127.0.0.1:8765.")],
     rate: Annotated[float | None, typer.Option(help="Frames a second (default: the sequence's).")] = None,
-    loop: Annotated[bool, typer.Option("--loop", help="Play to and fro until stopped.")] = False,
-    frames: Annotated[int | None, typer.Option(min=1, help="How many frames.")] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="Play forwards and backwards until stopped.")] = False,
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="Number of frames (default: all; without end with --loop).")
+    ] = None,
     sources: Annotated[str | None, typer.Option(help="Source views, like v0,v3 (default: all).")] = None,
     every_frame: Annotated[
         bool, typer.Option("--every-frame", help="Wait for the server instead of skipping frames.")
@@ -186,7 +189,7 @@ def command(
     jpeg: Annotated[bool, typer.Option("--jpeg", help="Send textures as JPEG.")] = False,
     deflate: Annotated[bool, typer.Option("--deflate", help="Compress depth (without loss).")] = False,
     token: Annotated[str, typer.Option(envvar="FARSIDE_TOKEN", help="The server's token.")] = "",
-    patience: Annotated[float, typer.Option(help="Seconds to keep trying without a connection.")] = 10.0,
+    patience: Annotated[float, typer.Option(help="Seconds to keep trying to connect.")] = 10.0,
 ) -> None:
     """Send a sequence to a live server, as a camera rig would."""
     opened = open_recording(sequence)

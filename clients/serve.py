@@ -16,17 +16,17 @@ __all__ = ["command", "listen", "server_settings", "url_of"]
 
 
 def server_settings(**given: Any) -> ServerSettings:
-    """Settings from what is given (not None), then the environment; ValueError names what is wrong."""
+    """Settings from the arguments that are not None, then from the environment; a ValueError names the wrong field."""
     try:
         return ServerSettings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(map(str, first["loc"]))
-        raise ValueError(f"{name}: {first['input']!r}: expected otherwise: {first['msg']}") from error
+        raise ValueError(f"{name}: {first['input']!r}: expected another value: {first['msg']}") from error
 
 
 def listen(settings: ServerSettings) -> socket.socket:
-    """The listening socket; raises OSError where the port is taken."""
+    """The listening socket; raises OSError if the port is taken."""
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     try:
         return socket.create_server((settings.host, settings.port), family=family)
@@ -36,7 +36,7 @@ def listen(settings: ServerSettings) -> socket.socket:
 
 
 def url_of(listening: socket.socket, token: str = "") -> str:
-    """Where a browser on this machine finds the server."""
+    """The server's address for a browser on this machine."""
     host, port = listening.getsockname()[:2]
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     host = f"[{host}]" if ":" in host else host
@@ -46,37 +46,43 @@ def url_of(listening: socket.socket, token: str = "") -> str:
 def command(
     host: Annotated[str | None, typer.Option(help="Address to listen on (default 127.0.0.1).")] = None,
     port: Annotated[int | None, typer.Option(help="Port (default 8765; 0: any free one).")] = None,
-    token: Annotated[str | None, typer.Option(help="What clients must know (default: nothing).")] = None,
+    token: Annotated[str | None, typer.Option(help="Token that clients must send (default: none).")] = None,
     quality: Annotated[str | None, typer.Option(help="fast, balanced, best, or paper (as published).")] = None,
-    views: Annotated[int | None, typer.Option(help="Views that render a picture (n_render).")] = None,
+    views: Annotated[int | None, typer.Option(help="Views warped for each picture (n_render).")] = None,
     init: Annotated[int | None, typer.Option(help="Views that build the S-PBS (n_init).")] = None,
     update: Annotated[
-        int | None, typer.Option(help="Views that update the P-PBS a frame (n_update).")
+        int | None, typer.Option(help="Views that update the P-PBS in each frame (n_update).")
     ] = None,
     update_interval: Annotated[
-        int | None, typer.Option(help="The model takes every so many frames (default 1: all).")
+        int | None, typer.Option(metavar="N", help="The model takes every N-th frame (default 1: all).")
     ] = None,
     output_scale: Annotated[
-        float | None, typer.Option(help="Size of pictures to that asked for, each way; viewers enlarge them.")
+        float | None,
+        typer.Option(help="Factor on the width and height that viewers ask for; they enlarge the pictures."),
     ] = None,
     jpeg_quality: Annotated[int | None, typer.Option(help="1 to 100.")] = None,
     background: Annotated[bool | None, typer.Option(help="Build and render the background model.")] = None,
     viewing_space: Annotated[
         tuple[float, float, float, float] | None,
-        typer.Option(metavar="X Y Z R", help="Heads stay in this ball, metres: what it cannot see is not kept."),
+        typer.Option(
+            metavar="X Y Z R",
+            help="Ball in which heads stay, metres: background that cannot be seen from it is not kept.",
+        ),
     ] = None,
     target_fps: Annotated[
         float | None,
-        typer.Option(help="Hold this many pairs a second: quality changes with the load, up to --quality at best."),
+        typer.Option(help="Stereo pairs a second to hold: quality follows the load, --quality is the upper limit."),
     ] = None,
     longest_update_s: Annotated[
         float | None,
-        typer.Option(help="Longest that an update of the background waits for pictures (default 5)."),
+        typer.Option(help="Longest time that an update of the background gives way to pictures, s (default 5)."),
     ] = None,
-    max_viewers: Annotated[int | None, typer.Option(help="Viewers at a time.")] = None,
-    log_level: Annotated[str | None, typer.Option(help="warning, info, debug ...")] = None,
+    max_viewers: Annotated[int | None, typer.Option(help="Most viewers at a time (default 8).")] = None,
+    log_level: Annotated[
+        str | None, typer.Option(help="critical, error, warning (default), info or debug.")
+    ] = None,
 ) -> None:
-    """Run the live server. Every option can be given in the environment too, as FARSIDE_PORT and so on."""
+    """Run the live server. Every option can also be set in the environment, as FARSIDE_PORT and so on."""
     settings = server_settings(
         host=host, port=port, token=token, quality=quality, views=views, init=init, update=update,
         update_interval=update_interval, output_scale=output_scale, jpeg_quality=jpeg_quality, background=background,

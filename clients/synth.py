@@ -17,14 +17,18 @@ def command(
         str,
         typer.Argument(help="museum, hijack, painter, frog, gymnasium-a, gymnasium-b, doorway or street"),
     ],
-    out: Annotated[Path, typer.Argument(help="Folder to write, named as the sequence shall be")],
-    scale: Annotated[float, typer.Option(help="Size of the pictures, 1 = as the paper's")] = 1.0,
-    frames: Annotated[int | None, typer.Option(help="Frames (default 300, gymnasium 250)")] = None,
-    seed: Annotated[int, typer.Option(help="Another seed, other clothes, pictures and depth errors")] = 0,
+    out: Annotated[Path, typer.Argument(help="Folder to write; its name becomes the sequence's name")],
+    scale: Annotated[float, typer.Option(help="Size of the pictures; 1: the paper's size")] = 1.0,
+    frames: Annotated[
+        int | None, typer.Option(help="Number of frames (default 300; 250 for the gymnasium twins)")
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the random choice of clothes, wall pictures and depth errors")
+    ] = 0,
     depth_noise: Annotated[
         float | None,
         typer.Option(
-            help="Strength of the errors of estimated depth (default 1 for painter and frog, else 0)"
+            help="Strength of simulated depth-estimation errors (default 1 for painter and frog, 0 for the others)"
         ),
     ] = None,
 ) -> None:

@@ -27,13 +27,20 @@ def command(
     twins: Twins = None,
     scale: Scale = 0.25,
     cameras: Cameras = None,
-    views: Annotated[str | None, typer.Option(metavar="N,...|all", help="Views given, like 2,3,5,all.")] = None,
-    background: Annotated[
-        bool | None, typer.Option("--background/--no-background", help="The model; without this, both.")
+    views: Annotated[
+        str | None, typer.Option(metavar="N,...|all", help="Numbers of nearest views to render from, like 2,3,5,all.")
     ] = None,
-    quality: Annotated[str, typer.Option(help="fast, balanced, best or paper; a list for several.")] = "best",
-    frames: Annotated[int | None, typer.Option(min=1, help="Frames played, at most (16).")] = None,
-    every: Annotated[int | None, typer.Option(min=1, help="Frames from one judged to the next (15).")] = None,
+    background: Annotated[
+        bool | None,
+        typer.Option("--background/--no-background", help="With or without the background model (default: both)."),
+    ] = None,
+    quality: Annotated[
+        str, typer.Option(help="fast, balanced, best or paper; several separated by commas.")
+    ] = "best",
+    frames: Annotated[int | None, typer.Option(min=1, help="Most frames played (default 16).")] = None,
+    every: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Every N-th frame is judged (default 15).")
+    ] = None,
     report: Report = None,
 ) -> None:
     """All quality figures over sequences and twins, with a report."""
@@ -44,14 +51,14 @@ def command(
 def show_accuracy(
     folders: Sequence[Path], twins: str | None, scale: float, chosen: Sequence[str], plan: Plan, report: Path | None
 ) -> None:
-    """Print a row for each sequence, quality, number of views and model; with `report`, write figures and a page."""
+    """Print a row for each sequence, quality, number of views and model on or off; with `report`, write a page."""
     recordings: list[Recording] = list(find_recordings(folders))
     recordings += [TwinRecording(make_twin(name, scale)) for name in (twins.split(",") if twins else ())]
     if not recordings:
         raise ValueError("bench --accuracy: nothing to render: expected folders of sequences or --twins NAME,...")
     work = [(recording, list(chosen) or default_targets(recording)) for recording in recordings]
     pages, samples = AccuracyReport(report) if report else None, list[Sample]()
-    # Stopped half-way there are still figures of what was done.
+    # After Ctrl-C the figures measured so far are still printed.
     with suppress(KeyboardInterrupt), Progress(console=Console(stderr=True)) as bar:
         for recording, targets in work:
             task = bar.add_task(recording.name, total=picture_count(recording, targets, plan))
@@ -67,7 +74,7 @@ def show_accuracy(
 
 
 def make_plan(views: str | None, background: bool | None, quality: str, frames: int | None, every: int | None) -> Plan:
-    """The plan of the command line's options, those that are None by default; ValueError for what cannot be read."""
+    """The plan for options of the command line; None leaves the plan's default. ValueError for unreadable `views`."""
     parts = views.split(",") if views else []
     if not all(part == "all" or (part.isdecimal() and int(part)) for part in parts):
         raise ValueError(f"--views: {views!r}: expected numbers of at least 1, or all, as in 2,5,all")

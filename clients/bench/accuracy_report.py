@@ -23,17 +23,17 @@ __all__ = ["AccuracyReport", "summary_table"]
 
 Rgb = npt.NDArray[np.uint8]  # [h, w, 3]
 
-AMPLIFIED = 4  # how many times differences are shown larger
+AMPLIFIED = 4  # factor by which differences are amplified
 THUMBNAIL_PX = 300
-SPOT_PX = 48  # side of the square about the worst place
-SHOWN = 24  # pictures of a sequence on the page; the files of all are written
+SPOT_PX = 48  # side of the square around the worst place
+SHOWN = 24  # most pictures of a sequence on the page; files are written for all pictures
 
 
 def _percent(value: float) -> str:
     return f"{100 * value:.3f} %"
 
 
-# The summary's columns: key, title, what a value looks like.
+# The summary's columns: key, title, formatting of a value.
 SUMMARY: tuple[tuple[str, str, Callable[..., str]], ...] = (
     ("sequence", "sequence", str),
     ("quality", "quality", str),
@@ -57,13 +57,13 @@ SUMMARY: tuple[tuple[str, str, Callable[..., str]], ...] = (
     ("thin", "thin", lambda share: f"{100 * share:.1f} %"),
 )
 
-MEANING = """Means over cameras and frames. PSNR in dB; WS-PSNR of equirectangular cameras; worst IV: the lowest IV-PSNR
-of a picture. Holes: pixels that no view drew, and that the background model did not close either. Ghosts: pixels where
-the model is nearer than both the background and the present. Flicker: change from the frame before over that of the
-truth, where the truth keeps still. Bias: by how much silhouettes reach out too far (fattened, above 0) or not far
-enough; rough: RMS about their smooth course (serration), beside that of the truth itself, whose pixels have four
-samples. Thin: the part of structures up to two pixels wide that is
-rendered at its depth. Ghosts, bias, rough and thin: twins only."""
+MEANING = """Means over cameras and frames. PSNR in dB; WS-PSNR for equirectangular cameras only; worst IV: the lowest
+IV-PSNR of a picture. Holes: pixels that no view drew; after backdrop: holes that the background model did not close
+either. Ghosts: pixels where the model is nearer than both the background and the present scene. Flicker: change from
+the previous frame, divided by that of the truth, where the truth keeps still. Bias: by how much silhouettes reach too
+far out (above 0: fattened) or not far enough; rough: RMS deviation from their smooth course (serration), next to that
+of the truth itself, whose pixels have four samples. Thin: the part of structures up to two pixels wide that is rendered
+at their depth. Ghosts, bias, rough and thin: twins only."""
 
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 1500px; padding: 0 1rem; color: #1c2530 }
@@ -82,7 +82,7 @@ figure.spot { flex: 0 0 192px } figure.spot img { image-rendering: pixelated; wi
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """A judged picture's figures and what the page shows of it: captions, data URIs and the files they link to."""
+    """A judged picture on the page: its figures, and its pictures as captions, linked files and data URIs."""
 
     sample: Sample
     pictures: list[tuple[str, str, str]]
@@ -90,7 +90,7 @@ class _Entry:
 
 
 class AccuracyReport:
-    """A folder that judged pictures are added to; `finish` writes accuracy.csv, accuracy.json and index.html."""
+    """A folder to which judged pictures are added; `finish` writes accuracy.csv, accuracy.json and index.html."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -119,7 +119,7 @@ class AccuracyReport:
         self._entries.append(_Entry(sample, shown, spots))
 
     def finish(self, title: str) -> Path:
-        """Write the three files; returns the page's path. ValueError where nothing was added."""
+        """Write the three files; returns the page's path. Raises ValueError if no picture was added."""
         if not self._entries:
             raise ValueError("report: no picture: expected at least one")
         samples = [entry.sample for entry in self._entries]
@@ -136,7 +136,7 @@ class AccuracyReport:
 
 
 def summary_table(samples: Sequence[Sample]) -> tuple[list[str], list[list[str]]]:
-    """The titles and the rows of `summarise` as text, without columns that no row has a figure for."""
+    """The titles and the rows of `summarise` as text, without columns that are empty in every row."""
     rows = summarise(samples)
     columns = [column for column in SUMMARY if any(row[column[0]] is not None for row in rows)]
     cells = [["" if row[key] is None else form(row[key]) for key, _title, form in columns] for row in rows]
@@ -144,7 +144,7 @@ def summary_table(samples: Sequence[Sample]) -> tuple[list[str], list[list[str]]
 
 
 def _hole_picture(picture: Rgb, holes: npt.NDArray[np.bool_], warped: npt.NDArray[np.bool_]) -> Rgb:
-    """The picture in dark grey; what only filling coloured in red, what only the backdrop drew in blue."""
+    """The picture in dark grey; pixels that only filling coloured are red, pixels that only the backdrop drew blue."""
     out = np.repeat((picture.mean(axis=2, keepdims=True) / 3).astype(np.uint8), 3, axis=2)
     out[warped] = (90, 160, 255)
     out[holes] = (255, 60, 60)
@@ -152,7 +152,7 @@ def _hole_picture(picture: Rgb, holes: npt.NDArray[np.bool_], warped: npt.NDArra
 
 
 def _worst_place(truth: Texture, ours: Texture) -> tuple[slice, slice]:
-    """The square of SPOT_PX with the greatest squared error of luma, among those on a grid of half its side."""
+    """The square of SPOT_PX with the greatest squared error of luma, among squares half a side apart."""
     h, w = truth.y.shape
     squared = (truth.y.astype(np.float64) - ours.y) ** 2
     tops, lefts = (range(0, max(1, size - SPOT_PX + 1), SPOT_PX // 2) for size in (h, w))

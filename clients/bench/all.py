@@ -1,4 +1,4 @@
-"""`farside bench all`: every table and plot of the document of results, in one go that may be stopped and resumed."""
+"""`farside bench all`: every table and plot of the document of results, in one run that can be stopped and resumed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["Result", "command", "document", "measure_all"]
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a section's command printed, with what it depends on; `files` are names in the result's own folder."""
+    """A section's printed output, and everything that it depends on; `files` are names in the result's own folder."""
 
     key: str
     command: str
@@ -40,30 +40,33 @@ class Result:
 
     @property
     def folder(self) -> str:
-        """Where it is kept: named by what it depends on."""
+        """The result's folder, named after everything that the result depends on."""
         return _folder(self.key, self.command, self.machine, self.commit)
 
 
 def command(
-    report: Annotated[Path, typer.Option(metavar="DIR", help="Folder that keeps what is finished, and RESULTS.md.")],
+    report: Annotated[Path, typer.Option(metavar="DIR", help="Folder for finished results and RESULTS.md.")],
     sequences: Annotated[
-        Path | None, typer.Option(help="Sequences with ground truth, and a README with other renderers' figures.")
+        Path | None,
+        typer.Option(help="Folder of sequences with ground truth; its README has other renderers' figures."),
     ] = None,
     only: Annotated[str | None, typer.Option(metavar="NAME,...", help="Only these sections.")] = None,
-    scale: Annotated[float | None, typer.Option(min=0.001, help="Size of all twins' pictures, to try it.")] = None,
-    frames: Annotated[int | None, typer.Option(min=1, help="Frames at most, to try it.")] = None,
+    scale: Annotated[
+        float | None, typer.Option(min=0.001, help="Size of all twins' pictures, for a quick trial.")
+    ] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Most frames played, for a quick trial.")] = None,
     results: Annotated[
-        Path | None, typer.Option("--document", metavar="FILE.md", help="Write the document here as well.")
+        Path | None, typer.Option("--document", metavar="FILE.md", help="Also write the document to this file.")
     ] = None,
 ) -> None:
-    """Every table and plot that the documents show (an hour and a half); what is finished is kept and not repeated.
+    """Make every table and plot of the document of results (an hour and a half); finished results are kept.
 
-    A measure is repeated when its command, the machine or the commit is another.
+    A kept result is measured again when its command, the machine or the commit differs.
     """
     chosen = [sized(section, scale, frames) for section in _chosen(only)]
     failed: dict[str, str] = {}
     paths = [report / "RESULTS.md", *([results] if results else [])]
-    for _ in measure_all(chosen, report, sequences, failed):  # stopped half-way there is a document of what is done
+    for _ in measure_all(chosen, report, sequences, failed):  # after Ctrl-C there is a document of the finished part
         for path in paths:
             path.write_text(document(chosen, report, failed), "utf-8")
     print("\n".join(f"document: {path}" for path in paths))
@@ -74,9 +77,10 @@ def command(
 def measure_all(
     sections: Sequence[Section], folder: Path, sequences: Path | None, failed: dict[str, str]
 ) -> Iterator[None]:
-    """Run what is not kept yet, a section a step; each is kept at once. Why one has no result goes to `failed`, by key.
+    """Run the sections that `folder` has no result of, one in each step; each result is saved at once.
 
-    `sequences`: a folder of sequences with ground truth; None: sections that need it fail.
+    `sequences`: a folder of sequences with ground truth; if None, sections that need it fail. The reason why a section
+    has no result is put into `failed`, by the section's key.
     """
     console = Console(stderr=True)
     folder.mkdir(parents=True, exist_ok=True)
@@ -120,7 +124,7 @@ def document(sections: Sequence[Section], folder: Path, failed: Mapping[str, str
 
 
 def machine_name() -> str:
-    """The processor, its cores that are ours, memory, system and Python."""
+    """The processor, the number of cores that this process may use, memory, system and Python version."""
     found = re.search(r"model name\s*:\s*(.+)", _read("/proc/cpuinfo"))
     memory = re.search(r"MemTotal:\s*(\d+)", _read("/proc/meminfo"))
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -130,7 +134,7 @@ def machine_name() -> str:
 
 
 def commit_name() -> str:
-    """The commit of the checkout that runs, with a digest of what is changed in its code; else the version."""
+    """The commit of the running checkout, with a digest of uncommitted changes of code; without git, the version."""
     here = Path(__file__).resolve().parent
     try:
         commit, changes = (
@@ -149,12 +153,12 @@ def _chosen(only: str | None) -> Iterator[Section]:
     known = {section.key: section for section in SECTIONS}
     for key in only.split(",") if only else known:
         if key not in known:
-            raise ValueError(f"--only: {key!r}: expected some of {', '.join(known)}")
+            raise ValueError(f"--only: {key!r}: expected names among {', '.join(known)}")
         yield known[key]
 
 
 def _measure(section: Section, folder: Path, sequences: Path | None, machine: str, commit: str) -> None:
-    """Run a section's command in a process of its own; its result is there as a whole or not at all."""
+    """Run a section's command in a process of its own; its result is written completely or not at all."""
     kept = folder / _folder(section.key, _told(section), machine, commit)
     files = kept / "files"
     files.mkdir(parents=True, exist_ok=True)
@@ -173,7 +177,7 @@ def _measure(section: Section, folder: Path, sequences: Path | None, machine: st
 
 
 def _filled(text: str, section: Section, folder: Path, sequences: Path | None) -> str:
-    """An argument with what stands in braces: the folder of sequences, or a twin's, which is written if need be."""
+    """The folder that an argument in braces stands for: of the sequences or of a twin, which is written if missing."""
     if not text.startswith("{"):
         return text
     name = text[1:-1]
@@ -189,7 +193,7 @@ def _filled(text: str, section: Section, folder: Path, sequences: Path | None) -
 
 
 def _farside(*arguments: str) -> str:
-    """What a command of ours prints, its progress shown; RuntimeError where it fails."""
+    """The output of a farside command, whose progress is shown; RuntimeError if it fails."""
     done = subprocess.run(
         [sys.executable, "-m", "farside.clients.cli", *arguments], stdout=subprocess.PIPE, text=True, check=False
     )
@@ -199,7 +203,7 @@ def _farside(*arguments: str) -> str:
 
 
 def _told(section: Section) -> str:
-    """The command as people read it: folders by their names, reports in DIR."""
+    """The command as the document shows it: folders by their names, reports in DIR."""
     names = [text.strip("{}").upper() if text.startswith("{") else text for text in section.arguments]
     size = "".join(
         f"farside synth {name} {name.upper()} --scale {section.scale:g} --frames {section.frames}; "

@@ -1,4 +1,4 @@
-"""`farside bench backdrop`: what the backdrop shows of a twin, the farthest surfaces or those that stand."""
+"""`farside bench backdrop`: a twin's backdrop from the farthest surfaces, and from the nearest that still stand."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _COST_FRAMES = 6
 def command(
     name: TwinName, scale: Scale = 0.25, frames: Frames = 100, every: Every = 12, quality: Quality = "best"
 ) -> None:
-    """The backdrop's surfaces, farthest or standing, over a twin."""
+    """Compare the two choices of the backdrop's surface, farthest or standing, on a twin."""
     show_backdrops(name, scale, frames, every, quality)
 
 
 def show_backdrops(name: str, scale: float, frames: int, every: int, quality: str) -> None:
-    """Prints a row for each camera, number of views and mode: means over every `every`-th frame; then costs."""
+    """Print a row for each camera, number of views and mode, means over every `every`-th frame; then the costs."""
     twin = make_twin(name, scale)
     cameras, samples = inside_cameras(twin), []
     with Progress(console=Console(stderr=True)) as bar:

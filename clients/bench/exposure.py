@@ -1,4 +1,4 @@
-"""`farside bench exposure`: what following the exposure of views is worth."""
+"""`farside bench exposure`: the gain of following the exposure of views."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ __all__ = ["command", "show_exposure"]
 
 
 def command(name: TwinName, scale: Scale = 0.25, quality: Quality = "best") -> None:
-    """A twin whose views have random exposures and white balances."""
+    """Judge pictures of a twin whose views have random exposures and white balances."""
     show_exposure(name, scale, quality)
 
 
 def show_exposure(name: str, scale: float, quality: str) -> None:
-    """Print pictures of a twin whose views have random exposures, and what is left of the views' differences."""
+    """Print the quality of a twin's pictures from views of random exposures, and the views' remaining differences."""
     report = measure_exposure(name, scale, quality)
     table = Table(title=f"{name} at scale {scale:g}, quality {quality}: PSNR-Y / IV-PSNR in dB, up to a gain")
     for column in ("camera", "unaltered views", "exposures left", "exposures followed"):

@@ -1,4 +1,4 @@
-"""`farside bench extremes`: errors against oracles where numbers are at their extremes."""
+"""`farside bench extremes`: errors against exact oracles for numbers at their extremes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ __all__ = ["command", "show_extremes"]
 
 
 def command(report: Report = None) -> None:
-    """Errors against oracles at the extremes of every number; the exit code is 1 if any fails."""
+    """Measure errors against exact oracles at the extremes of every number; the exit code is 1 if any case fails."""
     show_extremes(report)
 
 
 def show_extremes(report: Path | None) -> None:
-    """Print a row for each case; with a folder also write extremes.csv there. Exits with 1 where a case fails."""
+    """Print a row for each case; with `report`, also write extremes.csv there. Exits with 1 if a case fails."""
     cases = all_cases()
     with Progress(console=Console(stderr=True)) as bar:
         rows = [run(case) for case in bar.track(cases, description="measuring")]

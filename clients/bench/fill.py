@@ -1,4 +1,4 @@
-"""`farside bench fill`: holes against their truth."""
+"""`farside bench fill`: filled holes against ground truth."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def command(
     views: Views = 2,
     background: Background = True,
 ) -> None:
-    """Kinds of filling against the truth, inside holes only."""
+    """Compare the kinds of filling with the truth, inside holes only."""
     show_fills(folder, cameras, frames, every, quality, views, background)
 
 
 def show_fills(
     folder: Path, cameras: Sequence[str] | None, frames: int, every: int, quality: str, views: int, background: bool
 ) -> None:
-    """Print a row a camera: how near to the truth each kind of filling comes inside holes."""
+    """Print a row for each camera: the quality of each kind of filling inside holes."""
     sequence = open_recording(folder)
     table = Table(title=f"{sequence.name}, quality {quality}, the {views} nearest views, inside holes only")
     for column in ("camera", "holes, %", *(f"{kind}, PSNR-Y / SSIM" for kind in KINDS)):
@@ -51,7 +51,7 @@ def show_fills(
 
 
 def chosen_cameras(sequence: Recording, cameras: Sequence[str] | None) -> Sequence[str]:
-    """The cameras asked for, or those inside the rig; ValueError where there is none."""
+    """`cameras`, or all virtual cameras inside the rig if it is empty; raises ValueError if there is none."""
     names = cameras or inside_rig(sequence)
     if not names:
         raise ValueError(f"{sequence.name}: no virtual camera with ground truth stands inside the rig")

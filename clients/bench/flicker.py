@@ -1,4 +1,4 @@
-"""`farside bench flicker`: pictures of a still head that should keep still."""
+"""`farside bench flicker`: how much pictures of a still head change where the scene does not."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def command(
     views: Views = 5,
     background: Background = True,
 ) -> None:
-    """Change from frame to frame, for a still head, of what is still in truth."""
+    """Measure how much pictures of a still head change from frame to frame where the truth does not."""
     show_flicker(folder, cameras, frames, quality, views, background)
 
 
 def show_flicker(
     folder: Path, cameras: Sequence[str] | None, frames: int, quality: str, views: int, background: bool
 ) -> None:
-    """Print a row a camera: change from frame to frame of what keeps still in truth, of pictures and of holes."""
+    """Print a row for each camera: change between frames where the truth is still, in whole pictures and in holes."""
     sequence = open_recording(folder)
     settings = Settings.preset(quality, n_render=views, background=background)
     table = Table(title=f"{sequence.name}, quality {quality}, {views} views: change of what keeps still")

@@ -18,7 +18,7 @@ __all__ = ["command", "show_ghosts"]
 def command(
     name: TwinName, scale: Scale = 0.25, frames: Frames = 100, quality: Quality = "best", report: Report = None
 ) -> None:
-    """Ghosts and holes of the background model over a twin."""
+    """Measure ghosts and holes of the background model over the frames of a twin."""
     show_ghosts(name, scale, frames, quality, report)
 
 

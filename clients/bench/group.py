@@ -1,4 +1,4 @@
-"""The measures as sub-commands of `farside bench`, and as the flags that they had before: `--trade` for `trade`."""
+"""The measures as sub-commands of `farside bench`, and as the earlier flags: `--trade` stands for `trade`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["MEASURES", "BenchGroup", "command_group", "old_calls"]
 
 
 class Measure(NamedTuple):
-    """What `farside bench NAME` measures; `named`: whether its old flag took what to measure it on."""
+    """The help of `farside bench NAME`; `named`: whether its earlier flag took a value, the sequence or twin."""
 
     help: str
     named: bool = True
@@ -21,41 +21,41 @@ class Measure(NamedTuple):
 
 # Each is the function `command` of farside.clients.bench.<name>.
 MEASURES = {
-    "paper": Measure("What the defaults gain over the published algorithm, on twins.", named=False),
+    "paper": Measure("Gain of the defaults over the published algorithm, on twins.", named=False),
     "accuracy": Measure("All quality figures over sequences and twins, with a report.", named=False),
-    "trade": Measure("Every knob's cost and worth over sequences and twins, with a report.", named=False),
-    "tolerances": Measure("Automatic tolerances next to smaller and larger ones, over twins.", named=False),
-    "extremes": Measure("Errors against oracles at the extremes of every number; 1 if any fails.", named=False),
+    "trade": Measure("Cost and benefit of every setting over sequences and twins, with a report.", named=False),
+    "tolerances": Measure("Automatic tolerances next to smaller and larger ones, on twins.", named=False),
+    "extremes": Measure("Errors against oracles at the extremes of every number; exit code 1 on failure.", named=False),
     "stages": Measure("Time and work of every stage, on a sequence or a twin."),
-    "targets": Measure("Speed and loss next to what is wanted, on a twin."),
-    "scaling": Measure("Cost of a pair over pixels out and pixels in, on a twin."),
-    "pairs": Measure("Stereo pairs a second of a twin while the model is updated."),
+    "targets": Measure("Speed and loss of quality next to their targets, on a twin."),
+    "scaling": Measure("Cost of a stereo pair by pixels of pictures and of views, on a twin."),
+    "pairs": Measure("Stereo pairs a second while the model is updated, on a twin."),
     "live": Measure("Server, replay and headset over localhost: rates, stalls, pauses, memory."),
-    "spared": Measure("Work and memory that twins do not need, and are spared."),
-    "peers": Measure("Sequences whose README has the figures of other renderers."),
-    "model": Measure("Few views with the model against few and all without it, by truth."),
-    "ghosts": Measure("Ghosts and holes of the background model over a twin."),
+    "spared": Measure("Work and memory that scenes do not need and that is saved, on twins."),
+    "peers": Measure("Quality next to other renderers' figures from a folder's README."),
+    "model": Measure("Few views with the model against few and all views without it, by ground truth."),
+    "ghosts": Measure("Ghosts and holes of the background model, on a twin."),
     "noise": Measure("Every frame of a twin with and without the model, and the model's error."),
-    "backdrop": Measure("The backdrop's surfaces, farthest or standing, over a twin."),
+    "backdrop": Measure("The backdrop's surface, farthest or standing, on a twin."),
     "fill": Measure("Kinds of filling against the truth, inside holes only."),
-    "flicker": Measure("Change from frame to frame, for a still head, of what is still in truth."),
-    "sparse": Measure("Depth punched as by time of flight: completed, not, and whole, by truth."),
+    "flicker": Measure("Change of a still head's pictures where the truth does not change."),
+    "sparse": Measure("Depth with a sensor's holes: whole, with holes, and completed, by ground truth."),
     "exposure": Measure("A twin whose views have random exposures and white balances."),
-    "minified": Measure("A twin in pictures coarser than its views, prefiltered or not."),
-    "all": Measure("Every table and plot that the documents show, kept in a folder and resumed.", named=False),
+    "minified": Measure("Pictures coarser than the views, prefiltered or not, on a twin."),
+    "all": Measure("Every table and plot of the document of results, kept in a folder, resumable.", named=False),
 }
 _SWITCHES = ("--background", "--no-background", "--help")  # all other options take a value
 
 
 class BenchGroup(TyperGroup):
-    """Lists the measures from MEASURES and imports the one that is asked for; understands the old flags."""
+    """Lists the measures from MEASURES and imports only the one that is called; also understands the earlier flags."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """The measures' names."""
         return list(MEASURES)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """A stand-in with its help, which needs no module."""
+        """A placeholder with the measure's help, for which no module is imported."""
         return TyperCommand(cmd_name, help=MEASURES[cmd_name].help) if cmd_name in MEASURES else None
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -64,7 +64,7 @@ class BenchGroup(TyperGroup):
         return name, command and load(str(name)), rest
 
     def parse_args(self, ctx: Any, args: list[str]) -> Any:
-        """Takes the old flags apart; raises ValueError where nothing is asked for."""
+        """Parse the earlier flags, if there are any; raises ValueError if no measure is named."""
         calls = old_calls(args)
         if not calls and not args:
             raise ValueError(f"bench: nothing to measure: expected one of {', '.join(MEASURES)}")
@@ -72,7 +72,7 @@ class BenchGroup(TyperGroup):
         return super().parse_args(ctx, [calls[0][0]] if calls else args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Runs the sub-command, or those that the old flags stand for, one after the other."""
+        """Run the sub-command, or one after the other those that the earlier flags stand for."""
         calls = ctx.meta[__name__]
         if not calls:
             return super().invoke(ctx)
@@ -84,8 +84,10 @@ class BenchGroup(TyperGroup):
 
 
 def command_group() -> BenchGroup:
-    """The group, as the command line wants it."""
-    return BenchGroup(name="bench", help="Measure speed and quality: a sub-command each.", no_args_is_help=False)
+    """The group of all measures for the command line."""
+    return BenchGroup(
+        name="bench", help="Measure speed and quality: one sub-command for each measure.", no_args_is_help=False
+    )
 
 
 def load(name: str) -> Any:
@@ -97,10 +99,10 @@ def load(name: str) -> Any:
 
 
 def old_calls(args: Sequence[str]) -> list[tuple[str, list[str]]]:
-    """Arguments with measures as flags -> the sub-commands that they stand for, each with its own arguments.
+    """Translate arguments with measures as flags into the sub-commands that they stand for, with their arguments.
 
-    Empty where there is no such flag. As it was, options are for those measures that know them; one that no measure
-    knows is left to all, who refuse it.
+    Returns an empty list if there is no such flag. As before, an option goes to those measures that have it. An option
+    that no measure has goes to all of them, so that they refuse it.
     """
     flags = {f"--{name}": name for name in MEASURES}
     chosen: list[tuple[str, list[str]]] = []
@@ -131,7 +133,7 @@ def _wanted(options: Sequence[tuple[str, list[str]]], own: set[str]) -> list[str
 
 
 def _is_known(flag: str) -> bool:
-    """Whether any measure has the option: their modules are imported until one has."""
+    """Whether any measure has the option `flag`; imports the measures' modules until one has."""
     return any(flag in _options(name) for name in MEASURES)
 
 

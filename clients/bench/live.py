@@ -1,4 +1,4 @@
-"""`farside bench live`: how a sequence plays over localhost, with its video and then without."""
+"""`farside bench live`: a sequence served over localhost, while its video plays and then without it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .options import Quality, SequenceFolder
 
 __all__ = ["command", "pause_ms", "show_live"]
 
-_LONGEST_STALL_MS, _LONGEST_PAUSE_MS = 5, 10  # that are wanted
+_LONGEST_STALL_MS, _LONGEST_PAUSE_MS = 5, 10  # targets
 _STALLS = {
     "stall": "longest event-loop stall",
     "own_stall": "without waiting for a core",
@@ -31,16 +31,16 @@ def command(
     fps: Annotated[
         float | None, typer.Option(help="Video frames a second (default: the sequence's).", min=0.01)
     ] = None,
-    seconds: Annotated[float, typer.Option(help="How long the video plays.", min=1.0)] = 20.0,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Picture of an eye.")] = "640x720",
+    seconds: Annotated[float, typer.Option(help="Time for which the video plays.", min=1.0)] = 20.0,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Picture size of an eye.")] = "640x720",
     quality: Quality = "best",
 ) -> None:
-    """Server, replay and headset over localhost: rates, stalls, pauses, memory."""
+    """Measure server, replay and headset over localhost: rates, stalls, pauses, memory."""
     show_live(folder, fps, seconds, quality, parse_size(size))
 
 
 def show_live(folder: Path, fps: float | None, seconds: float, quality: str, size: tuple[int, int]) -> None:
-    """Print how a sequence plays live, with its video and then without."""
+    """Print the figures of a live run, while the video plays and then without it."""
     sequence = open_recording(folder)
     views = [sequence.camera(name) for name in sequence.source_names]
     frame_bytes = sum(5 * view.width * view.height for view in views)  # 4:2:0 in 2 B a sample, and depth
@@ -61,14 +61,14 @@ def show_live(folder: Path, fps: float | None, seconds: float, quality: str, siz
 
 
 def pause_ms(figures: LiveFigures, still: LiveFigures) -> float:
-    """How much longer than a median picture without updates the longest took, during an update where there was one."""
+    """Time of the longest picture (during an update, if there was one) minus the median without updates, ms."""
     pictures, without = figures.status["pictures"], still.status["stages_ms"].get("picture", {"p50": math.nan})
     longest = pictures["longest_picture_during_update_ms"] or pictures["longest_picture_ms"]
     return float(longest - without["p50"])
 
 
 def _judged(playing: LiveFigures, still: LiveFigures) -> Table:
-    """What was measured beside what is wanted, and what an idle loop and pictures without updates come to."""
+    """Stalls and pauses next to their targets, and next to those of an idle event loop and without video."""
     table = Table("while video plays", "ms", "wanted, at most", "idle, or without video")
     stalls = playing.status["event_loop"]
     for kind, name in _STALLS.items():

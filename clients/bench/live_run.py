@@ -1,4 +1,4 @@
-"""Server, replay and headset over localhost, each a process, and what they come to."""
+"""Server, replay and headset over localhost, each a process of its own, and the figures of such a run."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from ..headset import Headset
 __all__ = ["LiveFigures", "Usage", "measure_live"]
 
 _HANG_S = 600.0  # the first run compiles every kernel
-_WARM_UPDATES = 4  # with a viewer: what the first ones do is done once
+_WARM_UPDATES = 4  # updates with a viewer before counting starts: the first ones do work that is done only once
 _POSE_RATE = 72.0
-_REPLAY_NICENESS = 5  # it stands for cameras, which do not take the server's cores
+_REPLAY_NICENESS = 5  # the replay stands for cameras, which would not use the server's cores
 
 
-# An event loop with nothing to do, in a process of its own: how late it is is the machine's doing.
+# An event loop with nothing to do, in a process of its own: its delays are caused by the machine alone.
 _IDLE = """
 import asyncio, contextlib, json, sys
 from farside.engine.live.timing import Activity, StallMonitor
@@ -46,7 +46,7 @@ print(json.dumps(monitor.summary()))
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """What processes have used: seconds of a core, and megabytes resident, now and at most, shared memory once."""
+    """CPU seconds of some processes, and their resident memory in MB, now and at most; shared memory counts once."""
 
     cpu_s: float
     resident_mb: float
@@ -54,7 +54,7 @@ class Usage:
 
     @classmethod
     def of(cls, *pids: int) -> Usage:
-        """As Linux tells."""
+        """The use of the processes `pids` so far, from Linux's /proc."""
         processes = [Path("/proc") / str(pid) for pid in pids]
         times = [(process / "stat").read_text().rpartition(")")[2].split()[11:13] for process in processes]
         told = [re.findall(r"(\w+):\s+(\d+) kB", (process / "status").read_text()) for process in processes]
@@ -68,17 +68,17 @@ class Usage:
 
 @dataclass(frozen=True, slots=True)
 class LiveFigures:
-    """What a part of a run came to; times in milliseconds; a core: a second of it a second."""
+    """Figures of a part of a run. Times are in milliseconds; `cores` are CPU seconds a second."""
 
     seconds: float
     pairs: int
     frames: dict[str, int]  # by outcome
     motion_to_photon: tuple[float, float, float]  # pose sent to picture received: p50, p95, p99
     picture_bytes: float  # of a pair
-    cores: tuple[float, float, float]  # of server and engine, of its event loop, of the replay
+    cores: tuple[float, float, float]  # of server and engine together, of the server's event loop, of the replay
     server: Usage
-    status: dict[str, Any]  # the server's, at the end; the longest stalls and pictures of this part only
-    idle: dict[str, float]  # stalls of an event loop beside it that has nothing to do
+    status: dict[str, Any]  # the server's, at the end; the longest stalls and pictures are those of this part only
+    idle: dict[str, float]  # stalls of an idle event loop in another process at the same time
 
     @property
     def rate(self) -> float:
@@ -89,10 +89,11 @@ class LiveFigures:
 def measure_live(
     folder: Path, fps: float | None, seconds: float, quality: str, size: tuple[int, int] = (640, 720)
 ) -> tuple[LiveFigures, LiveFigures]:
-    """Serve, replay in a loop and watch for some seconds; then watch half as long without the replay.
+    """Serve, replay in a loop and watch for `seconds`; then watch half as long without the replay.
 
-    Each is a process of its own as users run them, the replay at a lower priority; this one is the headset. Counting
-    begins when a few frames have been taken while there was a viewer. Raises RuntimeError where one of them fails.
+    Server and replay are processes of their own, as users run them, the replay at a lower priority; this process is the
+    headset. `fps`: video frames a second, None for the sequence's; `size`: width and height of an eye. Counting begins
+    after a few frames have been taken while there was a viewer. Raises RuntimeError if one of the processes fails.
     """
     rate = [] if fps is None else ["--rate", str(fps)]
     with ExitStack() as stack:
@@ -105,14 +106,14 @@ def measure_live(
         replay.wait(_HANG_S)
         while _status(url)["updating"]:
             time.sleep(0.2)
-        time.sleep(1.0)  # the longest are kept by the second
+        time.sleep(1.0)  # the longest stalls and pictures are kept for each second
         still = _measure(url, seconds / 2, size, server, None)
     return playing, still
 
 
 @contextmanager
 def _running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """A command of ours in a process of its own, ended with the block; what it says is kept for its failure."""
+    """A farside command in a process that ends with the block; its error output is shown if it fails."""
     command = [sys.executable, "-m", "farside.clients.cli", *arguments]
     with tempfile.TemporaryFile("w+") as said:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, text=True)
@@ -159,7 +160,7 @@ def _watch_until_warm(url: str, size: tuple[int, int], processes: Sequence[subpr
 
 
 async def _updates(url: str) -> tuple[int, int]:
-    """Frames taken so far, and viewers that have a picture."""
+    """The numbers of frames taken so far and of viewers that have received a picture."""
     status = await asyncio.to_thread(_status, url)
     return status["frames"]["updated"], sum(viewer["rendered"] > 0 for viewer in status["viewers"].values())
 

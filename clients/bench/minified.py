@@ -1,4 +1,4 @@
-"""`farside bench minified`: what prefiltering is worth where pictures are coarser than the views."""
+"""`farside bench minified`: the gain of prefiltering for pictures coarser than the views."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["command", "show_minified"]
 
 
 def command(name: TwinName, scale: Scale = 0.25, quality: Quality = "best", views: Views = 5) -> None:
-    """A twin in pictures coarser than its views, prefiltered or not."""
+    """Judge pictures that are coarser than a twin's views, prefiltered or not."""
     show_minified(name, scale, quality, views)
 
 
 def show_minified(name: str, scale: float, quality: str, views: int) -> None:
-    """Print a row a picture, by how many pixels of a view one of its own covers, and what halving views costs."""
+    """Print a row for each picture size, given as view pixels for each of its pixels, and the cost of halving views."""
     table = Table(title=f"{name} at scale {scale:g}, quality {quality}, {views} views: PSNR-Y / IV-PSNR / SSIM")
     for column in ("view pixels a pixel", "width", "as they are", "prefiltered"):
         table.add_column(column, justify="right")

@@ -1,4 +1,4 @@
-"""`farside bench model`: what the background model is worth on a sequence."""
+"""`farside bench model`: the gain by the background model on a sequence."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def command(
     views: Views = 5,
     report: Report = None,
 ) -> None:
-    """Few views with the model against few and all without it, by truth."""
+    """Compare few views with the model, few views without it and all views without it, by ground truth."""
     show_model(folder, cameras, frames, every, quality, views, report)
 
 
 def show_model(
     folder: Path, chosen: list[str] | None, frames: int, every: int, quality: str, views: int, report: Path | None
 ) -> None:
-    """Print a row a camera; with `report`, a picture of the holes with and without the model."""
+    """Print a row for each camera; with `report`, write a picture of the holes without and with the model."""
     sequence = open_recording(folder)
     cameras, count = chosen or inside_rig(sequence), min(frames, sequence.frame_count)
     if not cameras:
@@ -43,7 +43,7 @@ def show_model(
         for sample in compare_model(sequence, cameras, count, every, quality, views):
             samples.append(sample)
             bar.advance(task)
-    # After the second second, or the later half of something shorter.
+    # Medians count from the third second on, or over the later half of a shorter run.
     settled = min(int(2 * sequence.fps), count // 2)
     table = Table(title=f"{sequence.name}, quality {quality}: {views} views with the model, {views} and all without")
     columns = ("camera", "with, IV-PSNR", "without", "all views", "worst loss", "holes without", "holes with", "all")

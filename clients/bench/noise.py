@@ -1,4 +1,4 @@
-"""`farside bench noise`: what the background model is worth in every frame of a twin, and how far it is off."""
+"""`farside bench noise`: the gain by the background model in every frame of a twin, and the model's own error."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .options import Frames, Quality, Scale, TwinName, Views
 
 __all__ = ["command", "show_noise"]
 
-_ROWS = 10  # moments at which the model's own error is looked at
+_ROWS = 10  # frames in which the model's own error is measured
 
 
 def command(
@@ -29,15 +29,15 @@ def command(
     quality: Quality = "best",
     views: Views = 5,
     depth_noise: Annotated[
-        float | None, typer.Option(help="Strength of a twin's depth errors (default: its own).")
+        float | None, typer.Option(help="Strength of the twin's depth errors (default: the twin's own).")
     ] = None,
 ) -> None:
-    """Every frame of a twin with and without the model, and the model's error."""
+    """Judge every frame of a twin with and without the model, and measure the model's error."""
     show_noise(name, scale, frames, quality, views, depth_noise)
 
 
 def show_noise(name: str, scale: float, frames: int, quality: str, views: int, strength: float | None) -> None:
-    """Print the model's error over time, and per camera what it is worth, with the worst frames."""
+    """Print the model's error over time, and for each camera the gain by the model, with the worst frames."""
     twin = make_twin(name, scale, depth_noise=strength)
     cameras = inside_cameras(twin)
     samples: list[WorthSample] = []

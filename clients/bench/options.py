@@ -22,17 +22,22 @@ __all__ = [
     "Views",
 ]
 
-TwinName = Annotated[str, typer.Argument(metavar="NAME", help="A twin, made in memory.")]
+TwinName = Annotated[str, typer.Argument(metavar="NAME", help="Name of a twin, which is made in memory.")]
 SequenceFolder = Annotated[Path, typer.Argument(metavar="SEQ", help="A sequence's folder.")]
 Folders = Annotated[
-    list[Path] | None, typer.Argument(metavar="FOLDER", help="Sequences, or folders of them, with ground truth.")
+    list[Path] | None,
+    typer.Argument(metavar="FOLDER", help="Sequences with ground truth, or folders of such sequences."),
 ]
-Twins = Annotated[str | None, typer.Option(metavar="NAME,...", help="Twins to make, at --scale.")]
-Scale = Annotated[float, typer.Option(help="Size of a twin's pictures; 1: as the paper's sequences.", min=0.001)]
-Frames = Annotated[int, typer.Option(min=1, help="Frames played, at most.")]
-Every = Annotated[int, typer.Option(min=1, help="Frames from one that is judged to the next.")]
+Twins = Annotated[str | None, typer.Option(metavar="NAME,...", help="Twins to make in memory, at --scale.")]
+Scale = Annotated[float, typer.Option(help="Size of a twin's pictures; 1: the paper's size.", min=0.001)]
+Frames = Annotated[int, typer.Option(min=1, help="Most frames played.")]
+Every = Annotated[int, typer.Option(metavar="N", min=1, help="Every N-th frame is judged.")]
 Quality = Annotated[str, typer.Option(help="fast, balanced, best, or paper (as published).")]
-Views = Annotated[int, typer.Option(min=1, help="Views given, or warped a picture.")]
-Cameras = Annotated[list[str] | None, typer.Option("--camera", help="A virtual camera (default: those in the rig).")]
-Background = Annotated[bool, typer.Option("--background/--no-background", help="The background model.")]
+Views = Annotated[int, typer.Option(min=1, help="Number of views from which a picture is rendered.")]
+Cameras = Annotated[
+    list[str] | None, typer.Option("--camera", help="A virtual camera (default: all inside the rig).")
+]
+Background = Annotated[
+    bool, typer.Option("--background/--no-background", help="Build and render the background model.")
+]
 Report = Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for figures, plots and pictures.")]

@@ -1,4 +1,4 @@
-"""`farside bench pairs`: stereo pairs a second of a twin while the model is updated."""
+"""`farside bench pairs`: stereo pairs a second while the model is updated, on a twin."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["command", "show_pairs"]
 
 
 def command(name: TwinName, scale: Scale = 0.25, quality: Quality = "best") -> None:
-    """Stereo pairs a second of a twin while the model is updated."""
+    """Measure stereo pairs a second of a twin while the model is updated at different rates."""
     show_pairs(name, scale, quality)
 
 

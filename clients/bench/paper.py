@@ -1,4 +1,4 @@
-"""`farside bench paper`: what a preset gains over the published algorithm."""
+"""`farside bench paper`: the gain of a preset over the published algorithm."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def command(
     cameras: Cameras = None,
     report: Report = None,
 ) -> None:
-    """What a preset gains over the published algorithm: dB, holes, time, triangles and memory, on the paper's twins."""
+    """Compare a preset with the published algorithm: dB, holes, time, triangles and memory, on the paper's twins."""
     recordings: list[Recording] = list(find_recordings(folders or []))
     names = ",".join(PAPER_TWINS) if twins is None and not recordings else twins or ""
     recordings += [TwinRecording(make_twin(name, scale)) for name in names.split(",") if name]
@@ -82,7 +82,7 @@ def _table(rows: Sequence[PaperRow], title: str) -> Table:
 
 
 def _gain(rows: Sequence[PaperRow], quality: str) -> str:
-    """The preset less the paper, or the paper's share of it."""
+    """One line: differences preset minus paper in quality, ratios preset to paper in time, triangles and memory."""
     paper, own = ([row for row in rows if row.mode == mode] for mode in ("paper", quality))
 
     def mean(group: Sequence[PaperRow], name: str) -> float:

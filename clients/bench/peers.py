@@ -1,4 +1,4 @@
-"""`farside bench peers`: our figures beside those of other renderers."""
+"""`farside bench peers`: Farside's quality figures next to those of other renderers."""
 
 from __future__ import annotations
 
@@ -16,16 +16,18 @@ __all__ = ["command", "show_peers"]
 
 
 def command(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Sequences, and a README with a table.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Folder of sequences; its README has a table of figures.")
+    ],
     quality: Quality = "best",
     background: Background = True,
 ) -> None:
-    """Sequences whose README has the figures of other renderers, next to ours."""
+    """Compare Farside with other renderers, whose figures are in the README of a folder of sequences."""
     show_peers(folder, quality, background)
 
 
 def show_peers(folder: Path, quality: str, background: bool) -> None:
-    """Print the table of a folder of sequences whose README has the figures of other renderers."""
+    """Print the README's table of other renderers' figures, with Farside's next to them."""
     names = list(dict.fromkeys(name for row in read_peer_table(folder / "README.md") for name in row.peers))
     table = Table(title=f"PSNR-Y / IV-PSNR in dB, Farside at quality {quality}")
     for column in ("sequence", "target", "views", "frame", *names, "Farside", "to the best, IV-PSNR"):

@@ -14,12 +14,12 @@ __all__ = ["command", "show_scaling"]
 
 
 def command(name: TwinName, scale: Scale = 0.25, quality: Quality = "best", report: Report = None) -> None:
-    """Cost of a pair over pixels out and pixels in, on a twin."""
+    """Measure how the cost of a stereo pair grows with the pixels of pictures and of views, on a twin."""
     show_scaling(name, scale, quality, report)
 
 
 def show_scaling(name: str, scale: float, quality: str, report: Path | None, repeats: int = 9) -> None:
-    """Print cost by size and its exponents; with `report`, a plot."""
+    """Print cost by size, and its exponents; with `report`, write a plot. Costs are medians of `repeats` runs."""
     console, rows = Console(width=120), []
     table = Table(title=f"{name}, views of scale {scale:g}, {quality}: CPU ms, medians of {repeats}")
     for column in ("grows", "pixels", "a pair", "an update"):

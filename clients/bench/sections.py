@@ -1,4 +1,4 @@
-"""What the document of results consists of: questions, the commands that answer them, and how to read the answers."""
+"""The sections of the document of results: questions, the commands that answer them, and how to read the answers."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ __all__ = ["SECTIONS", "Section", "sized"]
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A question and the command that answers it, the arguments of `farside bench`.
+    """A question, and the arguments of the `farside bench` command that answers it.
 
-    {sequences}: the folder of sequences with ground truth, {NAME}: a folder that holds the twin of that name, written
-    at `scale`, `frames` frames. reports: whether it takes --report, for plots and figures.
+    In the arguments {sequences} stands for the folder of sequences with ground truth, and {NAME} for a folder that
+    holds the twin of that name, written at `scale` with `frames` frames. reading: how to read the answer. reports:
+    whether the command takes --report, for plots and figures.
     """
 
     key: str
@@ -25,7 +26,7 @@ class Section:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """What stands in braces in its arguments."""
+        """The names in braces among the arguments."""
         return tuple(text[1:-1] for text in self.arguments if text.startswith("{"))
 
 
@@ -33,62 +34,63 @@ _BALANCED = ("--quality", "balanced")
 
 SECTIONS = (
     Section(
-        "peers", "How near to the truth are pictures, next to other renderers?",
+        "peers", "How close to the truth are pictures, compared with other renderers?",
         ("peers", "{sequences}", *_BALANCED),
-        "PSNR-Y / IV-PSNR in dB. The others know one instant only, Farside the frames before it as well. The last "
-        "column is the distance to the best of them.",
+        "PSNR-Y / IV-PSNR in dB. The other renderers get one frame only; Farside has seen the frames before it, too. "
+        "The last column is Farside's IV-PSNR minus that of the best other renderer.",
     ),
     Section(
         "paper", "What do the defaults gain over the published algorithm?",
         ("paper", "--scale", "0.25", "--frames", "21", "--every", "5"),
-        "`paper` is the preset of that name. Holes are fractions of pixels before filling; times are wall times of a "
-        "picture, a frame's update and the first frame; drawn are triangles a picture, modelled those of the model. "
-        "Memory is that of the model's images and surfaces, and of the ray tracer.",
+        "`paper` is the preset of that name. Holes are fractions of pixels before filling. Times are wall times of a "
+        "picture, of a frame's update and of the first frame. Drawn: triangles drawn for a picture; modelled: "
+        "triangles of the model. Memory includes the model's images and surfaces, and the ray tracer.",
         reports=True,
     ),
     Section(
-        "accuracy", "How do all figures look, over sequences and twins?",
+        "accuracy", "What do all quality figures say, over sequences and twins?",
         ("accuracy", "--twins", "hijack,painter", "--scale", "0.15", "--frames", "16", "--every", "15", "--background"),
-        "Means over cameras and frames, with the model, which knows the given views only. SSIMs are those of MPEG's "
-        "tool. Bias and roughness of silhouettes are in pixels; the truth's own roughness stands next to it.",
+        "Means over cameras and frames, with the model, which is built from the given views only. SSIMs are those of "
+        "MPEG's tool. Bias and roughness of silhouettes are in pixels, next to the roughness of the truth itself.",
         reports=True,
     ),
     Section(
-        "model", "What is the background model worth?",
+        "model", "How much does the background model gain?",
         ("model", "{museum}", "--frames", "61", "--every", "12", *_BALANCED),
-        "IV-PSNR in dB, medians after the second second: five views with the model, five without, and all views "
-        "without. The worst loss is that of one frame. Holes are fractions of pixels before filling.",
+        "IV-PSNR in dB, medians from the third second on: five views with the model, five views without it, and all "
+        "views without it. The worst loss by the model is that of a single frame. Holes are fractions of pixels before "
+        "filling.",
         reports=True,
     ),
     Section(
-        "noise", "Does the model pay with noisy depth, in every frame?",
+        "noise", "Does the model help with noisy depth, in every frame?",
         ("noise", "painter", "--scale", "0.125", "--frames", "31", "--views", "2", *_BALANCED),
-        "The first table is the model's error against the true background, the second what it is worth: dB with the "
-        "model less dB without.",
+        "The first table is the model's error against the true background, the second its gain: dB with the model "
+        "minus dB without it.",
     ),
     Section(
-        "sparse", "What is completing sparse depth worth?",
+        "sparse", "How much does completing sparse depth gain?",
         ("sparse", "{hijack}",),
-        "PSNR-Y / IV-PSNR in dB, depth punched as time of flight leaves it.",
+        "PSNR-Y / IV-PSNR in dB, from depth with the holes that a time-of-flight sensor would leave.",
         scale=0.2, frames=1,
     ),
     Section(
-        "exposure", "What is following the exposure of views worth?",
+        "exposure", "How much does following the exposure of views gain?",
         ("exposure", "museum", "--scale", "0.125", *_BALANCED),
-        "PSNR-Y / IV-PSNR in dB, where views have gains of up to 15 % and other white balances.",
+        "PSNR-Y / IV-PSNR in dB. The views have different gains of up to 15 % and different white balances.",
     ),
     Section(
         "backdrop", "Which surface of the model should a picture show?",
         ("backdrop", "doorway", "--scale", "0.1", "--frames", "31", "--every", "10", *_BALANCED),
-        "The paper shows the farthest surface; standing is the nearest that no camera has seen past.",
+        "Farthest: the farthest surface, as in the paper; standing: the nearest surface that no camera has seen past.",
     ),
     Section(
-        "minified", "What is prefiltering worth where pictures are coarser than views?",
+        "minified", "How much does prefiltering gain where pictures are coarser than views?",
         ("minified", "museum", "--scale", "0.25", *_BALANCED),
-        "PSNR-Y / IV-PSNR / SSIM, by pixels of a view to one of the picture.",
+        "PSNR-Y / IV-PSNR / SSIM, by the width in view pixels that one pixel of the picture covers.",
     ),
     Section(
-        "fill", "How near to the truth is what fills holes?",
+        "fill", "How close to the truth are filled holes?",
         ("fill", "{painter}", *_BALANCED),
         "PSNR-Y and SSIM inside holes only.",
         scale=0.2, frames=16,
@@ -96,42 +98,45 @@ SECTIONS = (
     Section(
         "flicker", "Does a picture keep still where the scene does?",
         ("flicker", "{painter}", "--views", "2", "--frames", "60", *_BALANCED),
-        "Change from frame to frame in codes of luma, of pictures and of the truth, in whole pictures and in holes.",
+        "Change from frame to frame in codes of luma, of rendered pictures and of the truth: in whole pictures and in "
+        "holes.",
         scale=0.2, frames=60,
     ),
     Section(
-        "ghosts", "How fast do people who move on leave the model?",
+        "ghosts", "How fast do people who move on disappear from the model?",
         ("ghosts", "museum", "--scale", "0.125", "--frames", "60"),
-        "Percent of pixels. Ghosts: the model is nearer than the true background and the present scene; standing: "
-        "nearer than the background only.",
+        "Percent of pixels. Ghosts: the model is nearer than both the true background and the present scene; standing: "
+        "it is nearer than the background only.",
         reports=True,
     ),
     Section(
-        "tolerances", "Are tolerances that follow from the scene good ones?",
+        "tolerances", "Are the tolerances that follow from the scene good?",
         ("tolerances", *_BALANCED),
-        "Each automatic tolerance from an eighth of it to eight times it; the last table compares it with the best.",
+        "Each automatic tolerance is varied from one eighth to eight times its value; the last table compares it with "
+        "the best value.",
         reports=True,
     ),
     Section(
         "targets", "How fast is it at the paper's size?",
         ("targets", "museum", "--scale", "1", "--frames", "9"),
-        "24 views of 2048 x 2048 pixels; what is wanted stands next to what is measured.",
+        "24 views of 2048 x 2048 pixels; each measured figure is followed by its target.",
     ),
     Section(
         "stages", "Where does the time go?",
         ("stages", "museum", "--scale", "0.25", *_BALANCED),
-        "Medians of wall and CPU time, and the work of each stage.",
+        "Medians of wall and CPU time of each stage, and its amount of work.",
         reports=True,
     ),
     Section(
-        "pairs", "How many stereo pairs a second, while the model is updated?",
+        "pairs", "How many stereo pairs a second are rendered while the model is updated?",
         ("pairs", "museum", "--scale", "0.25", "--quality", "fast"),
-        "One process; updates are asked for at different rates.",
+        "One process; updates are requested at different rates.",
     ),
     Section(
-        "trade", "What does each knob cost, and what is it worth?",
+        "trade", "What does each setting cost, and what does it gain?",
         ("trade", "{sequences}", "--twins", "museum,painter", "--scale", "0.12"),
-        "Differences and ratios to `balanced`; the fronts are what is worth choosing.",
+        "Differences and ratios to `balanced`; the fronts are the choices that no other choice beats in both cost and "
+        "quality.",
         reports=True,
     ),
     Section(
@@ -141,27 +146,27 @@ SECTIONS = (
         reports=True,
     ),
     Section(
-        "live", "How does it do live, over localhost?",
+        "live", "How fast and steady is the live service, over localhost?",
         ("live", "{museum}", "--quality", "fast", "--size", "1280x1440"),
         "Server, replay and headset are a process each. Stalls of the event loop are shown with and without the time "
-        "that it waited for a core; an idle loop stands next to them.",
+        "for which it waited for a core; those of an idle loop are next to them.",
     ),
     Section(
-        "extremes", "Where do numbers end?",
+        "extremes", "How exact are results when numbers are at their extremes?",
         ("extremes",),
-        "The largest error against an exact oracle, by its bound.",
+        "The largest error against an exact oracle, next to its bound.",
         reports=True,
     ),
     Section(
         "spared", "What work and memory does a scene not need?",
         ("spared", "museum,painter"),
-        "All of it, and what is left of it.",
+        "All of the work or memory that a scene could take, and the part that is left.",
     ),
 )  # fmt: skip
 
 
 def sized(section: Section, scale: float | None, frames: int | None) -> Section:
-    """A section at another size: pictures of `scale`, at most `frames` frames; None: as it is."""
+    """A section at another size: twins' pictures at `scale`, at most `frames` frames; None leaves the section's own."""
     values = list(section.arguments)
     for option, value in (("--scale", scale), ("--frames", frames)):
         if value is not None and option in values:
@@ -174,7 +179,7 @@ def sized(section: Section, scale: float | None, frames: int | None) -> Section:
     )  # fmt: skip
 
 
-# Options of size that a section leaves at their defaults.
+# By section, the options of size that its command has although the section leaves them at their defaults.
 _TAKES = {
     "tolerances": ("--scale",),
     "stages": ("--frames",),

@@ -1,4 +1,4 @@
-"""`farside bench spared`: work and memory that scenes do not need, and are spared."""
+"""`farside bench spared`: work and memory that scenes do not need and that is therefore saved."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ __all__ = ["command", "show_spared"]
 
 
 def command(
-    names: Annotated[str, typer.Argument(metavar="NAME,...", help="Twins, made in memory.")],
+    names: Annotated[str, typer.Argument(metavar="NAME,...", help="Names of twins, which are made in memory.")],
     scale: Scale = 0.25,
     frames: Frames = 30,
 ) -> None:
-    """Work and memory that twins do not need, and are spared."""
+    """Measure work and memory that scenes do not need and that is therefore saved, on twins."""
     show_spared(names.split(","), scale, frames)
 
 
 def show_spared(names: list[str], scale: float, frames: int) -> None:
-    """Print a row for each kind of work in each twin."""
+    """Print a row for each kind of work or memory in each twin."""
     title = f"Twins at scale {scale:g}, {frames} frames, balanced, one head amid the cameras; CPU of one thread"
     table = Table(title=title)
     for column in ("scene", "what", "all", "left", "saved"):

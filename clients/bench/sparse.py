@@ -1,4 +1,4 @@
-"""`farside bench sparse`: pictures from depth with holes, completed and not."""
+"""`farside bench sparse`: pictures from depth with a sensor's holes, completed and not."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def command(
     quality: Quality = "best",
     views: Views = 5,
 ) -> None:
-    """Depth punched as by time of flight: completed, not, and whole, by truth."""
+    """Judge pictures from whole depth, from depth with a time-of-flight sensor's holes, and from that completed."""
     show_sparse(folder, cameras, frames, every, quality, views)
 
 
 def show_sparse(folder: Path, cameras: list[str] | None, frames: int, every: int, quality: str, views: int) -> None:
-    """Print a row for each virtual camera of a sequence, means over the frames looked at."""
+    """Print a row for each virtual camera of a sequence: means over the judged frames."""
     sequence = open_recording(folder)
     names = cameras or inside_rig(sequence)
     indices = range(0, min(frames, sequence.frame_count), every)

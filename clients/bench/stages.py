@@ -20,7 +20,7 @@ __all__ = ["command", "show_stages"]
 
 
 def command(
-    name: Annotated[str, typer.Argument(metavar="SEQ|NAME", help="A sequence's folder, or a twin.")],
+    name: Annotated[str, typer.Argument(metavar="SEQ|NAME", help="A sequence's folder, or the name of a twin.")],
     scale: Scale = 0.25,
     frames: Frames = 8,
     quality: Quality = "best",
@@ -28,7 +28,7 @@ def command(
     background: Background = True,
     report: Report = None,
 ) -> None:
-    """Time and work of every stage, on a sequence or a twin."""
+    """Measure time and work of every stage, on a sequence or a twin."""
     settings = Settings.preset(quality, n_render=views, background=background)
     show_stages(name, scale, frames, settings, report)
 

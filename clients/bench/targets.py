@@ -1,4 +1,4 @@
-"""`farside bench targets`: speed as it is wanted and as it is."""
+"""`farside bench targets`: speed and loss of quality next to their targets."""
 
 from __future__ import annotations
 
@@ -25,13 +25,16 @@ _EYE = (1280, 1440)
 
 
 def command(name: TwinName, scale: Scale = 0.25, frames: Frames = 30, every: Every = 1) -> None:
-    """Speed and loss next to what is wanted, on a twin."""
+    """Measure speed and loss of quality next to their targets, on a twin."""
     show_targets(name, scale, frames, every)
 
 
 def show_targets(name: str, scale: float, frames: int, every: int, repeats: int = 15) -> None:
-    """Print each figure beside what is wanted as soon as it is measured, after `frames` frames of a twin, each `every`
-    after the last one: people have to move on. Twins of scale 1 are as large as the paper's sequences."""
+    """Print each figure next to its target as soon as it is measured, after `frames` frames of a twin have been played.
+
+    Only every `every`-th frame is played, so that people move on. Times are medians of `repeats` runs. Twins of scale 1
+    are as large as the paper's sequences.
+    """
     with Progress(console=Console(stderr=True)) as bar:
 
         def steps(description: str, total: int | None) -> Callable[[], None]:
@@ -54,12 +57,12 @@ def _all_targets(
     yield from update_targets(twin, engines, frames, 3, steps("playing frames", len(frames)))
     size = (max(2, round(_EYE[0] * scale)), max(2, round(_EYE[1] * scale)))
     yield from pair_targets(twin_frame(twin, frames[-1]), engines, size, repeats, steps("stereo pairs", repeats))
-    engines.clear()  # their models need not lie beside the largest meshes
+    engines.clear()  # their models must not fill memory together with the largest meshes
     yield from loss_targets(twin, frames[-1], steps("loss", None))
 
 
 def _warm_up(name: str, advance: Callable[[], None]) -> None:
-    """Compile everything on a tiny twin, so that the first figures do not hold it."""
+    """Compile all kernels on a tiny twin, so that the first figures do not include compilation."""
     tiny = make_twin(name, 0.05)
     engines = {quality: Engine(tiny.sources, Settings.preset(quality)) for quality in ("fast", "balanced")}
     list(update_targets(tiny, engines, range(4), 1, lambda: None))

@@ -1,4 +1,4 @@
-"""`farside bench tolerances`: what follows from a scene, beside smaller and larger values of it."""
+"""`farside bench tolerances`: tolerances that follow from a scene, next to smaller and larger ones."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _UNITS = {"m": "m", "disparity": "1/m", "px": "px"}
 def command(
     twins: Twins = None, scale: Scale = 0.07, quality: Quality = "best", report: Report = None
 ) -> None:
-    """Automatic tolerances next to smaller and larger ones, over twins."""
+    """Compare automatic tolerances with smaller and larger ones, on twins."""
     show_tolerances(twins, scale, quality, report)
 
 
 def show_tolerances(twins: str | None, scale: float, quality: str, report: Path | None) -> None:
-    """Print the sweeps and a summary; with a folder also write tolerances.csv there."""
+    """Print the sweeps and a summary; with `report`, also write tolerances.csv there."""
     rows = {}
     for name in SCENES if twins is None else twins.split(","):
         twin = make_twin(name, scale)

@@ -1,4 +1,4 @@
-"""`farside bench trade`: what each knob costs and is worth, and what is worth choosing."""
+"""`farside bench trade`: cost and benefit of each setting, and the choices that no other choice beats."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ def command(
     every: Every = 4,
     report: Report = None,
 ) -> None:
-    """Every knob's cost and worth over sequences and twins (museum and painter if none is given), with a report."""
+    """Measure cost and benefit of every setting over sequences and twins (default: museum and painter)."""
     show_trade(folders or [], twins, scale, Plan(frames, every), report)
 
 
 def show_trade(folders: Sequence[Path], twins: str | None, scale: float, plan: Plan, report: Path | None) -> None:
-    """Print the points and the front; with `report`, write them, a plot and a summary into that folder."""
+    """Print all points and the Pareto fronts; with `report`, write them, a plot and a summary into that folder."""
     recordings: list[Recording] = list(find_recordings(folders))
     names = twins if twins is not None else "" if recordings else _TWINS
     recordings += [TwinRecording(make_twin(name, scale)) for name in names.split(",") if name]
     swept, rows = variants(), list[Row]()
-    # Stopped half-way there are still figures of what was done.
+    # After Ctrl-C the figures measured so far are still printed.
     with suppress(KeyboardInterrupt), Progress(console=Console(stderr=True)) as bar:
         for recording in recordings:
             task = bar.add_task(f"{recording.name}, {len(swept)} variants", total=step_count(plan, recording))

@@ -1,4 +1,4 @@
-"""What a sweep of `trade` has found, in files: every row, the front, a plot and a summary that people can read."""
+"""The results of `trade` in files: every row, the Pareto fronts, a plot and a summary for people."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from farside.engine.evaluation.trade_points import Point, pareto
 
 __all__ = ["fronts", "plot_trade", "point_table", "write_report"]
 
-INTRODUCTION = """Each row is `balanced` with one thing changed (`picture`, `model`), a preset, a rung of the governor's
-ladder or a point of the grid. dB: IV-PSNR more than the base, before encoding, and `sent`: as it arrives. Times are CPU
-times as ratios to the base's: of rendering; `total`: with encoding; `update`: of the back end, a later frame. Holes are
-what filling had to colour, bytes those of the JPEG pictures as ratio. The base is `balanced`; of `model` rows it is
-`balanced` with one view a picture. Means over """
+INTRODUCTION = """Each row is `balanced` with one setting changed (`picture`, `model`), a preset, a rung of the
+governor's ladder or a point of the grid. dB: IV-PSNR minus that of the base, before encoding; `dB sent`: after JPEG
+encoding and decoding. Times are CPU times as ratios to the base's: `time` of rendering, `total` with encoding, `update`
+of a later frame in the back end, `first` of the first frame. Holes are the pixels that filling had to colour; bytes are
+the sizes of the JPEG pictures as ratios. The base is `balanced`; for `model` rows it is `balanced` with one view for
+each picture. Means over """
 
 TITLES = ("kind", "what", "dB", "dB sent", "time", "total", "update", "first", "holes", "bytes")
 
 
 def fronts(points: Sequence[Point]) -> tuple[list[Point], list[Point]]:
-    """What is worth choosing: by time against IV-PSNR, where JPEG quality plays no part, and by bytes as it arrives."""
+    """The Pareto fronts of time against IV-PSNR (without JPEG qualities), and of bytes against IV-PSNR as sent."""
     timed = [point for point in points if point.knob != "jpeg_quality"]
     return pareto(timed, "time", "iv_psnr"), pareto(points, "bytes", "sent")
 
@@ -40,7 +41,7 @@ def point_table(points: Sequence[Point]) -> list[tuple[str, ...]]:
 
 
 def write_report(folder: Path, rows: Sequence[Row], points: Sequence[Point]) -> Path:
-    """Write trade.csv (all rows), front.csv, trade.md and, where matplotlib is there (extra `plots`), trade.png.
+    """Write trade.csv (all rows), front.csv, trade.md and, if matplotlib is installed (extra `plots`), trade.png.
 
     Returns the summary's path.
     """
@@ -78,8 +79,10 @@ def _markdown(points: Sequence[Point]) -> str:
 
 
 def plot_trade(points: Sequence[Point], title: str, path: Path) -> None:
-    """Draw time against IV-PSNR, time against holes, and bytes against IV-PSNR as it arrives; ImportError without
-    matplotlib."""
+    """Draw time against IV-PSNR, time against holes, and bytes against IV-PSNR as it arrives.
+
+    Raises ImportError without matplotlib.
+    """
     from matplotlib.figure import Figure
 
     by_time, by_bytes = fronts(points)
@@ -108,7 +111,7 @@ def plot_trade(points: Sequence[Point], title: str, path: Path) -> None:
 
 
 def _draw(axes: Any, points: Sequence[Point], x: str, y: str, factor: float) -> None:
-    """Dots by knob, grey ones for the grid, and names at the presets."""
+    """A colour and marker for each setting, grey dots for the grid, names at the presets."""
     groups: dict[str, list[Point]] = {}
     for point in (point for point in points if point.kind != "model"):
         groups.setdefault("grid" if point.kind == "grid" else point.knob, []).append(point)

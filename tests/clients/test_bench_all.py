@@ -111,7 +111,7 @@ def test_what_fails_is_told_and_tried_again(runs: FakeRuns, tmp_path: Path) -> N
     runs.failing = set()
     command(tmp_path, only=f"{ONLY},peers", sequences=tmp_path)
     assert runs.measured == ["exposure", "sparse", "ghosts", "sparse", "peers"]
-    with pytest.raises(ValueError, match="--only: 'nothing': expected some of peers"):
+    with pytest.raises(ValueError, match="--only: 'nothing': expected names among peers"):
         command(tmp_path, only="nothing")
 
 

@@ -703,7 +703,7 @@ def test_settings_come_from_arguments_then_the_environment(monkeypatch: pytest.M
     settings = server_settings(port=99, quality="fast", token=None)
     assert (settings.port, settings.views, settings.quality) == (99, 3, "fast")
     assert settings.engine().n_render == 3
-    with pytest.raises(ValueError, match="quality: 'poor': expected otherwise"):
+    with pytest.raises(ValueError, match="quality: 'poor': expected another value"):
         server_settings(quality="poor")
 
 
