@@ -1,1 +1,1 @@
-"""Measures of quality, speed and memory. They measure, the tests verify; nothing else imports them."""
+"""Measures of quality, speed and memory. They report figures, which tests check; only clients and tests import them."""

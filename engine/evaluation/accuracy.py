@@ -1,6 +1,6 @@
 """Rendered pictures against ground truth: every quality figure, over sequences and twins, views, model on and off.
 
-Given are the n source views nearest to the target, as in `peers`. With the model Farside also knows all frames before.
+An engine gets the n source views nearest to the target, as in `peers`. With the model it also knows all earlier frames.
 """
 
 from __future__ import annotations
@@ -33,7 +33,12 @@ _SSIMS = ("ssim", "ms_ssim", "iv_ssim", "iv_ms_ssim")
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What to measure. views: how many of the nearest are given, 0 for all; model: with and without."""
+    """What to measure.
+
+    views: numbers of nearest source views to render from, 0 for all. model: whether to use the background model; both
+    values measure both. qualities: presets. frames: how many are played. every: pictures of every `every`-th frame are
+    judged. Raises ValueError for a number below its least.
+    """
 
     views: tuple[int, ...] = (2, 3, 5, 0)
     model: tuple[bool, ...] = (False, True)
@@ -49,14 +54,14 @@ class Plan:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 1")
 
     def indices(self, recording: Recording) -> list[int]:
-        """The frames whose pictures are judged: every so many, and the last."""
+        """The frames whose pictures are judged: every `every`-th, and the last."""
         last = min(self.frames, recording.frame_count) - 1
         return sorted({*range(0, last + 1, self.every), last})
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """How a picture is made."""
+    """What a picture is made of: sequence, virtual camera, number of source views, model or not, and preset."""
 
     sequence: str
     camera: str
@@ -67,13 +72,14 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The figures of one picture; None where one does not apply or nothing was there to measure.
+    """The figures of one picture; None where a figure does not apply, or where there was nothing to measure.
 
-    PSNRs in dB (ws_psnr_y for equirectangular cameras). SSIMs: see `structural_similarity`; many scales want pictures
-    of at least 32 pixels a side. holes_warped, holes_backdrop, ghosts: fractions of pixels
-    before and after the backdrop, and where the model of a twin is too near. flicker: change since the frame before
-    over that of the truth, where truth keeps still. bias_px, roughness_px, silhouettes, thin, thin_pixels: twins,
-    see `silhouettes`; truth_roughness_px: of the truth itself, whose pictures have four samples a pixel.
+    PSNRs are in dB (ws_psnr_y for equirectangular cameras only). SSIMs: see `structural_similarity`; those of several
+    scales need pictures of at least 32 pixels a side. holes_warped, holes_backdrop: fractions of pixels that are holes
+    before and after the backdrop. ghosts: the fraction where the model of a twin is too near. flicker: the picture's
+    change since the previous frame, divided by the truth's, where the truth keeps still. bias_px, roughness_px,
+    silhouettes, thin, thin_pixels: for twins, see `silhouettes`. truth_roughness_px: roughness of the truth itself,
+    whose pictures have four samples per pixel.
     """
 
     case: Case
@@ -97,7 +103,7 @@ class Sample:
     thin_pixels: int | None = None
 
     def row(self) -> dict[str, object]:
-        """All of it in one flat dictionary."""
+        """The case and all figures in one flat dictionary."""
         flat = dataclasses.asdict(self)
         case: dict[str, object] = flat.pop("case")
         return case | flat
@@ -105,7 +111,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A picture with its figures and what it should be."""
+    """A picture with its figures and its ground truth."""
 
     sample: Sample
     truth: Texture
@@ -113,13 +119,13 @@ class Judged:
 
 
 def picture_count(recording: Recording, targets: Sequence[str], plan: Plan) -> int:
-    """How many pictures `judge_pictures` will yield."""
+    """The number of pictures that `judge_pictures` yields."""
     return len(plan.indices(recording)) * sum(len(run.targets) for run in _runs(recording, targets, plan))
 
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """The targets that the same source views, with the same settings, serve."""
+    """Targets that are rendered from the same source views with the same settings."""
 
     names: tuple[str, ...]
     model: bool
@@ -139,12 +145,12 @@ def _runs(recording: Recording, targets: Sequence[str], plan: Plan) -> list[_Run
 
 
 def judge_pictures(recording: Recording, targets: Sequence[str], plan: Plan) -> Iterator[Judged]:
-    """Play the frames through an engine for each case side by side; yields every judged picture.
+    """Play the frames through one engine per case, side by side; yields every judged picture.
 
-    Raises ValueError for cameras without ground truth.
+    `targets` names the virtual cameras. Raises ValueError for a camera without ground truth.
     """
     runs, judged = _runs(recording, targets, plan), plan.indices(recording)
-    rendered = {*judged, *(index - 1 for index in judged)}  # flicker wants the frame before too
+    rendered = {*judged, *(index - 1 for index in judged)}  # flicker needs the previous frame too
     union = [name for name in recording.source_names if any(name in run.names for run in runs)]
     players = [_Player(recording, run) for run in runs]
     for index in range(judged[-1] + 1):
@@ -158,7 +164,7 @@ def judge_pictures(recording: Recording, targets: Sequence[str], plan: Plan) -> 
 
 
 class _Player:
-    """A run's engine, and the pictures that it rendered last."""
+    """A run's engine, and the latest picture of each target."""
 
     def __init__(self, recording: Recording, run: _Run) -> None:
         self.recording, self.run = recording, run
@@ -167,7 +173,7 @@ class _Player:
         self.last: dict[str, tuple[RenderedPicture, Texture]] = {}
 
     def play(self, frame: Frame, truths: dict[str, Texture], *, judged: bool) -> Iterator[Judged]:
-        """Show a frame to the engine, render the targets that have truths, and judge them where asked."""
+        """Update the engine with a frame, render the targets that have truths, and judge them if `judged`."""
         views = tuple(view for view in frame.views if view.camera.name in self.run.names)
         viewers = {name: self.recording.camera(name, frame.index) for name in self.run.targets if name in truths}
         self.engine.update(Frame(frame.index, views), viewers)
@@ -225,9 +231,10 @@ def _flicker(before: tuple[RenderedPicture, Texture] | None, picture: RenderedPi
 
 
 def summarise(samples: Sequence[Sample]) -> list[dict[str, object]]:
-    """A row for each sequence, quality, number of views and model: means over cameras and frames, and the worst.
+    """A row for each sequence, quality, number of views, and model or not: means over cameras and frames.
 
-    Silhouettes and thin pixels weigh equally wherever they are. None where no sample has the figure.
+    `worst` is the lowest IV-PSNR. Means of figures of silhouettes and thin structures are weighted by their numbers of
+    pixels. A figure that no sample has is None.
     """
     groups: dict[tuple[str, str, int, bool], list[Sample]] = {}
     for sample in samples:

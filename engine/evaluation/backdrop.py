@@ -1,4 +1,7 @@
-"""What the backdrop shows: the model's farthest surfaces, or the nearest that stand, against a twin's ground truth."""
+"""The two modes of the backdrop against a twin's ground truth: the model's farthest surfaces, or the nearest standing.
+
+Settings.backdrop explains the modes.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ from .metrics import iv_psnr, psnr
 
 __all__ = ["VIEWS", "BackdropSample", "PbiCost", "compare_backdrops", "pbi_costs"]
 
-VIEWS = (2, 3, 5)  # that are warped before the backdrop
+VIEWS = (2, 3, 5)  # numbers of views that are warped in front of the backdrop
 _PEAK = 1023.0
 _REPEATS = 3
 
@@ -35,11 +38,11 @@ Bools = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class BackdropSample:
-    """One virtual camera at one frame, from some views, in one mode.
+    """One virtual camera at one frame, from `views` views, in one mode.
 
-    psnr_y, iv_psnr: of the picture, dB. squares, pixels: summed squared luma error, and number, of the pixels that no
-    warped view drew, in any mode. too_far, too_near: pixels of the backdrop that are off what is there, by more than
-    delta.
+    psnr_y, iv_psnr: of the whole picture, dB. squares, pixels: the summed squared luma error, and the number, of the
+    pixels that no warped view drew in at least one mode. too_far, too_near: numbers of backdrop pixels whose depth
+    differs from the truth by more than delta.
     """
 
     camera: str
@@ -56,7 +59,7 @@ class BackdropSample:
 
 @dataclass(frozen=True, slots=True)
 class PbiCost:
-    """A PBI at the size of a camera's picture, one thread: rays cast, and the least processor time in seconds."""
+    """Cost of a PBI as large as a camera's picture, on one thread: rays cast, and the least CPU time in seconds."""
 
     camera: str
     mode: str
@@ -67,12 +70,15 @@ class PbiCost:
 def compare_backdrops(
     twin: Twin, cameras: Sequence[Camera], frames: int, every: int, quality: str
 ) -> Iterator[BackdropSample]:
-    """Play a twin's frames in both modes side by side; yields samples in every `every`-th frame."""
+    """Play `frames` frames of a twin in both modes side by side; yields samples in every `every`-th frame.
+
+    `cameras` are virtual cameras, `quality` is a preset.
+    """
     engines = {mode: Engine(twin.sources, Settings.preset(quality, backdrop=mode), f_vin=FPS) for mode in BACKDROPS}
     for index in range(frames):
         frame, viewers = twin_frame(twin, index), {c.name: c for c in cameras} if index % every == 0 else {}
         for engine in engines.values():
-            # Where fewer views are drawn, more of the backdrop is needed.
+            # The fewer views are drawn, the more of the backdrop is needed: update for the least number.
             engine.retune(dataclasses.replace(engine.settings, n_render=min(VIEWS)))
             engine.update(frame, viewers)
         for camera, views in product(viewers.values(), VIEWS):
@@ -100,7 +106,10 @@ def _samples(
 
 
 def _wrong(picture: RenderedPicture, truth: View, model: BackgroundModel) -> tuple[Bools, Bools]:
-    """Pixels of the backdrop behind the farthest of what is there round them, and before the nearest; [h, w] each."""
+    """Backdrop pixels behind the farthest true depth of the 3x3 pixels around them, and in front of the nearest.
+
+    Both masks are [h, w]; the difference is more than delta.
+    """
     there = truth.camera.depth.depth(truth.codes)
     h, w = there.shape
     padded = np.pad(there, 1, mode="edge")
@@ -112,7 +121,7 @@ def _wrong(picture: RenderedPicture, truth: View, model: BackgroundModel) -> tup
 
 
 def pbi_costs(frames: Sequence[Frame], cameras: Sequence[Camera], quality: str) -> Iterator[PbiCost]:
-    """What a PBI costs in each mode after some frames: the same model and cameras, in turn, on one thread."""
+    """The cost of a PBI in each mode after `frames`: one model, the same cameras, modes in turn, on one thread."""
     settings = Settings.preset(quality)
     sources = [view.camera for view in frames[0].views]
     scene = Scene.of(sources, settings, frames[0])

@@ -1,4 +1,4 @@
-"""What the background model is worth: few views with it against few and all views without (paper section 4.1)."""
+"""The benefit of the background model: few views with it against few and all views without it (paper section 4.1)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ MODES = ("model", "few", "all")
 
 @dataclass(frozen=True, slots=True)
 class ModelSample:
-    """One virtual camera at one frame in one mode; figures in dB, holes as fractions before and after the backdrop."""
+    """One virtual camera at one frame in one mode.
+
+    psnr_y, iv_psnr: dB. holes_warped, holes_backdrop: fractions of pixels before and after the backdrop.
+    """
 
     camera: str
     frame: int
@@ -34,7 +37,10 @@ class ModelSample:
 
 
 def inside_rig(sequence: Recording) -> list[str]:
-    """Virtual cameras with ground truth that stand among the source cameras: no farther out than 1.5 times the rig."""
+    """Virtual cameras with ground truth that stand among the source cameras.
+
+    "Among" means: at most 1.5 times as far from the rig's middle as its farthest camera.
+    """
     positions = np.array([sequence.camera(name).pose.position for name in sequence.source_names])
     middle = positions.mean(axis=0)
     reach = 1.5 * float(np.linalg.norm(positions - middle, axis=1).max())
@@ -46,7 +52,10 @@ def inside_rig(sequence: Recording) -> list[str]:
 def compare_model(
     sequence: Recording, cameras: Sequence[str], frames: int, every: int, quality: str, views: int = 5
 ) -> Iterator[ModelSample]:
-    """Play `frames` frames in all modes side by side; sample every `every`-th frame."""
+    """Play `frames` frames in all modes side by side; yields samples of every `every`-th frame.
+
+    `cameras` are virtual cameras with ground truth, `views` is the number of views that "few" means.
+    """
     rig = [sequence.camera(name) for name in sequence.source_names]
     engines = {
         "model": Engine(rig, Settings.preset(quality, n_render=views), f_vin=sequence.fps),
@@ -73,7 +82,11 @@ def compare_model(
 
 
 def summarise(samples: Sequence[ModelSample], settled: int) -> list[dict[str, float | str]]:
-    """A row a camera: median IV-PSNR of each mode from frame `settled` on, the model's worst loss, holes left."""
+    """A row per camera: median IV-PSNR of each mode from frame `settled` on, the model's worst loss, remaining holes.
+
+    worst_loss is the largest difference, dB, by which "few" beats "model" in any frame. holes_all: holes of all views
+    without the model. Holes are means of fractions of the pixels.
+    """
     rows: list[dict[str, float | str]] = []
     for camera in dict.fromkeys(sample.camera for sample in samples):
         by_mode = {
@@ -97,14 +110,17 @@ def summarise(samples: Sequence[ModelSample], settled: int) -> list[dict[str, fl
 def hole_picture(
     sequence: Recording, camera: str, frame: int, quality: str, views: int
 ) -> npt.NDArray[np.uint8]:  # [h, 2 w, 3]
-    """A virtual camera at a frame from few views: without the model, beside it with it; holes in light blue."""
+    """RGB picture of a virtual camera at a frame from `views` views; holes are light blue.
+
+    The left half is rendered without the model, the right half with it.
+    """
     rig, target = [sequence.camera(name) for name in sequence.source_names], sequence.camera(camera, frame)
     settings = Settings.preset(quality, n_render=views, fill="none")
     engine = Engine(rig, settings, f_vin=sequence.fps)
     for index in range(frame + 1):
         engine.update(sequence.frame(index), {camera: target} if index == frame else None)
     halves = []
-    for viewer in (None, camera):  # a viewer has a backdrop, nobody has none
+    for viewer in (None, camera):  # only a named viewer has a backdrop
         picture = engine.render_camera(target, viewer)
         rgb = to_rgb(picture.texture)
         rgb[picture.holes()] = (150, 215, 255)

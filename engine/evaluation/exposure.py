@@ -1,4 +1,4 @@
-"""What following exposure is worth: a twin whose views are given other exposures and white balances, by its truth."""
+"""The benefit of following exposure: a twin whose views get other exposures and white balances, against its truth."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ _GREY = np.array([438.0, 0.0, 0.0, 1.0])  # the middle of luma's range, relative
 
 @dataclass(frozen=True, slots=True)
 class ExposureRow:
-    """A picture's (PSNR-Y, IV-PSNR) in dB, up to a gain: from unaltered views; from altered ones, left and followed."""
+    """(PSNR-Y, IV-PSNR) in dB of a picture whose gain was fitted to the truth (`without_gain`).
+
+    clean: from unaltered views. off, on: from altered views, without and with following of the exposure.
+    """
 
     camera: str
     clean: tuple[float, float]
@@ -42,9 +45,10 @@ class ExposureRow:
 
 @dataclass(frozen=True, slots=True)
 class ExposureReport:
-    """before, after: root mean square of the views' differences in Y', Cb and Cr at mid grey, codes [3].
+    """Rows of all pictures, and the differences between the views.
 
-    update_ms: what following costs a frame, the quickest of a few.
+    before, after: root mean square of the views' differences in Y', Cb and Cr at mid grey, codes [3], without and with
+    following. update_ms: milliseconds that following takes for a frame, the least of several.
     """
 
     rows: list[ExposureRow]
@@ -54,7 +58,7 @@ class ExposureReport:
 
 
 def random_tones(count: int, seed: int, gain: float = 0.15, balance: float = 0.04) -> F64:  # [count, 4, 4]
-    """Tones with gains up to 1 +- gain, tints up to +- balance, and a few codes of luma offset."""
+    """`count` random tones: gains of 1 +- gain, tints of up to +- balance, luma offsets of up to 4 codes."""
     rng = np.random.default_rng(seed)
     tones = np.tile(np.eye(4), (count, 1, 1))
     tones[:, [0, 1, 2], [0, 1, 2]] = rng.uniform(1 - gain, 1 + gain, (count, 1))
@@ -64,26 +68,32 @@ def random_tones(count: int, seed: int, gain: float = 0.15, balance: float = 0.0
 
 
 def misexposed(frame: Frame, tones: F64) -> Frame:
-    """The frame as cameras with other tones [n, 4, 4] would have seen it."""
+    """The frame as n cameras with the tones [n, 4, 4] would have recorded it."""
     views = zip(frame.views, packed(tones), strict=True)
     return replace(frame, views=tuple(replace(view, texture=toned_texture(view.texture, tone)) for view, tone in views))
 
 
 def tone_errors(tones: F64, truth: F64) -> F64:  # [n, 4, 4] each -> [n, 3]
-    """How far views are from each other at mid grey, brought to the common tone: code values off their mean."""
+    """Differences of the n views from their mean at mid grey, in codes of Y', Cb and Cr.
+
+    `truth` holds the tones that the views were given, `tones` those that were found; the latter are removed.
+    """
     shown = (np.linalg.inv(tones) @ truth @ _GREY)[:, :3]
     errors: F64 = shown - shown.mean(axis=0)
     return errors
 
 
 def without_gain(truth: Texture, picture: Texture) -> Texture:
-    """The picture with the gain of luma and chroma that fits the truth's luma best."""
+    """The picture times one gain of luma and chroma, chosen so that its luma fits the truth's best (least squares)."""
     y, wanted = picture.y.astype(float) - 64.0, truth.y.astype(float) - 64.0
     return toned_texture(picture, packed(np.diag([*3 * [(y * wanted).sum() / (y * y).sum()], 1.0])[None])[0])
 
 
 def measure_exposure(name: str, scale: float, quality: str, seed: int = 0) -> ExposureReport:
-    """Render a twin's virtual cameras in its first frame, and time later updates with the same frame."""
+    """Render the virtual cameras of the twin `name` in its first frame; time further updates with the same frame.
+
+    `scale` is the size of its pictures, `quality` a preset, and `seed` draws the tones.
+    """
     twin = make_twin(name, scale)
     frame = twin_frame(twin, 0)
     tones = random_tones(len(frame.views), seed)

@@ -1,4 +1,4 @@
-"""What filling makes of holes: the kinds of filling side by side, against ground truth inside holes only."""
+"""The kinds of hole filling side by side, compared with ground truth inside the holes only."""
 
 from __future__ import annotations
 
@@ -19,12 +19,15 @@ __all__ = ["KINDS", "HoleSample", "compare_fills", "similarity"]
 
 KINDS = ("smooth", "structure")
 _PEAK = 1023.0
-_WINDOW = np.exp(-0.5 * (np.arange(-5, 6) / 1.5) ** 2)  # of structural similarity
+_WINDOW = np.exp(-0.5 * (np.arange(-5, 6) / 1.5) ** 2)  # Gaussian window of structural similarity
 
 
 @dataclass(frozen=True, slots=True)
 class HoleSample:
-    """A picture's holes filled one way: their share of the picture, mean squared error of luma and mean similarity."""
+    """The holes of one picture, filled in one way.
+
+    share: fraction of the picture's pixels. error: mean squared error of luma, codes squared. ssim: mean similarity.
+    """
 
     camera: str
     frame: int
@@ -42,9 +45,9 @@ class HoleSample:
 def compare_fills(
     sequence: Recording, cameras: Sequence[str], frames: Sequence[int], views: int, settings: Settings
 ) -> Iterator[HoleSample]:
-    """Play the sequence up to the last of `frames`; a sample a frame, camera and kind where there are holes.
+    """Play the sequence up to the last of `frames`; yields a sample per frame, camera and kind if there are holes.
 
-    Each camera, which must have ground truth, is given the `views` source views nearest to it.
+    Each camera, which must have ground truth, is rendered from the `views` source views nearest to it.
     """
     for name in cameras:
         sources = nearest_views(sequence, name, views)
@@ -66,7 +69,7 @@ def compare_fills(
 
 
 def similarity(picture: npt.NDArray[np.uint16], other: npt.NDArray[np.uint16]) -> F64:
-    """Structural similarity of 10-bit luma [h, w] round each pixel (Wang et al. 2004), mirrored at the borders."""
+    """Structural similarity of 10-bit luma [h, w] around each pixel (Wang et al. 2004), mirrored at the borders."""
     a, b = picture.astype(np.float64), other.astype(np.float64)
     mean_a, mean_b = _blurred(a), _blurred(b)
     var_a, var_b = _blurred(a * a) - mean_a**2, _blurred(b * b) - mean_b**2

@@ -1,7 +1,7 @@
 """Flicker: how much a picture changes from frame to frame where the truth keeps still.
 
-A head that keeps still looks at a scene of which most keeps still too. What changes there all the same is the
-renderer's own doing: depth errors that move surfaces, other views chosen, holes filled otherwise.
+When the head keeps still, most of what it sees keeps still too. Any change there is caused by the renderer: by depth
+errors that move surfaces, by another choice of views, by holes that are filled differently.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from ..settings import Settings
 
 __all__ = ["Flicker", "FlickerMeter", "Steadiness", "measure_flicker", "watch_flicker"]
 
-STILL = 4.0  # codes of 10 bits: what changes by no more keeps still
-REACH_PX = 3  # how far a pixel has to be from what moves: renderers may be off by two pixels, and interpolate
-ROUNDING = 0.5  # codes of 10 bits: the least change that a truth is taken to have, as rounding alone makes it
+STILL = 4.0  # 10-bit codes: a pixel that changes by at most this keeps still
+REACH_PX = 3  # least distance of a pixel from anything that moves: renderers may be off by two pixels, and interpolate
+ROUNDING = 0.5  # 10-bit codes: the least change assumed for the truth, because rounding alone causes as much
 
 Luma = npt.NDArray[np.integer] | npt.NDArray[np.floating]
 Bools = npt.NDArray[np.bool_]
@@ -28,9 +28,9 @@ Bools = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Steadiness:
-    """Mean absolute change of luma from a frame to the next, in codes of 10 bits, over the pixels that count.
+    """Mean absolute change of luma from one frame to the next, in 10-bit codes, over the pixels that count.
 
-    share: of all pixels in all pairs of frames, how many counted; where none did the changes are 0.
+    share: the fraction of all pixels in all pairs of frames that counted. If none did, the changes are 0.
     """
 
     share: float
@@ -39,20 +39,20 @@ class Steadiness:
 
     @property
     def ratio(self) -> float:
-        """The rendered pictures' change over the truth's, which is taken to be at least ROUNDING."""
+        """The rendered pictures' change divided by the truth's, which counts as at least ROUNDING."""
         return self.rendered / max(self.truth, ROUNDING)
 
 
 @dataclass(frozen=True, slots=True)
 class Flicker:
-    """Steadiness of the whole picture, and of what was a hole in either frame of a pair."""
+    """Steadiness of the whole picture, and of the pixels that were a hole in either frame of a pair."""
 
     whole: Steadiness
     holes: Steadiness
 
 
 class FlickerMeter:
-    """Takes frames one by one and keeps nothing but sums and the frame before."""
+    """Takes frames one by one, and keeps only sums and the previous frame. `bits`: of the luma codes."""
 
     def __init__(self, bits: int = 10) -> None:
         self._scale = 2.0 ** (10 - bits)
@@ -61,10 +61,11 @@ class FlickerMeter:
         self._before: tuple[Luma, Luma, Bools] | None = None
 
     def add(self, rendered: Luma, truth: Luma, holes: Bools | None = None) -> None:
-        """The next frame: luma [h, w] in codes, its truth, and what only filling coloured (by default nothing).
+        """Take the next frame: its luma [h, w] in codes, the truth's, and a mask of holes (by default none).
 
-        Of a pair of frames those pixels count that are farther than REACH_PX, along rows and columns, from any
-        where the truth changed by more than STILL. Raises ValueError if the sizes differ.
+        Holes are the pixels that only filling coloured. In a pair of frames a pixel counts if it is farther than
+        REACH_PX, along rows and columns, from every pixel where the truth changed by more than STILL. Raises ValueError
+        if the sizes differ.
         """
         shape = self._before[0].shape if self._before is not None else truth.shape
         holes = np.zeros(shape, np.bool_) if holes is None else holes
@@ -98,7 +99,7 @@ class FlickerMeter:
 def measure_flicker(
     rendered: Iterable[Luma], truth: Iterable[Luma], holes: Iterable[Bools] | None = None, *, bits: int = 10
 ) -> Flicker:
-    """Flicker of frames that are read in step, as `FlickerMeter.add` takes them; `bits` are those of the codes.
+    """Flicker of a sequence of frames; arguments as in `FlickerMeter.add`, one item per frame; `bits`: of the codes.
 
     Raises ValueError for fewer than two frames, or if their sizes or numbers differ.
     """
@@ -115,10 +116,10 @@ def measure_flicker(
 def watch_flicker(
     sequence: Recording, camera: str, frames: int, settings: Settings, sources: Iterable[str] | None = None
 ) -> Flicker:
-    """Play at most `frames` frames for a head that keeps still at a virtual camera with ground truth.
+    """Play at most `frames` frames for a head that keeps still at the virtual camera `camera`, and measure its flicker.
 
-    `sources` are the views given, by default all. Raises ValueError for a moving camera, or where there is no ground
-    truth or no pair of frames.
+    `sources` names the source views to render from, by default all. Raises ValueError for a moving camera, for one
+    without ground truth, or for fewer than two frames.
     """
     if sequence.poses(camera) is not None:
         raise ValueError(f"camera: {camera!r}: moves: expected one that stands still")
@@ -133,7 +134,7 @@ def watch_flicker(
 
 
 def _grown(mask: Bools) -> Bools:
-    """The mask [h, w], and what is within REACH_PX of it along rows and columns."""
+    """The mask [h, w] grown by REACH_PX along rows and columns."""
     for axis in (0, 1):
         padded = np.pad(mask, [(REACH_PX, REACH_PX) if a == axis else (0, 0) for a in (0, 1)])
         windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * REACH_PX + 1, axis=axis)

@@ -1,8 +1,8 @@
 """Ghosts and holes of the background model over a twin's frames, against its ground truth.
 
-A ghost is a pixel where the model shows something that is neither there now nor part of the background: nearer than
-both by more than delta, and than what its meshes may be off by. Who has stood in the same place all along is no ghost:
-nothing tells them from the background.
+A ghost is a pixel where the model shows something that is neither there now nor part of the background: it is nearer
+than both by more than delta plus the tolerance of the model's meshes. A person who has stood in one place all the time
+is no ghost, because nothing distinguishes them from the background.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ Bools = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class GhostSample:
-    """One virtual camera at one frame; fractions of its pixels.
+    """One virtual camera at one frame; all figures are fractions of its pixels.
 
-    ghosts, standing: see the module's text. holes_model: where the model has nothing. holes_warped, holes_backdrop: in
-    the rendered picture, before and after the backdrop.
+    ghosts: see the module's docstring. standing: the model is nearer than the background, but not than what is there
+    now. holes_model: the model has no surface. holes_warped, holes_backdrop: holes of the rendered picture before and
+    after the backdrop.
     """
 
     camera: str
@@ -46,7 +47,10 @@ class GhostSample:
 
 
 def inside_cameras(twin: Twin) -> list[Camera]:
-    """The virtual cameras with ground truth among the source cameras: at most 1.5 times as far out."""
+    """The virtual cameras with ground truth that stand among the source cameras.
+
+    "Among" means: at most 1.5 times as far from the rig's middle as its farthest camera.
+    """
     positions = np.array([camera.pose.position for camera in twin.sources])
     middle = positions.mean(axis=0)
     reach = 1.5 * float(np.linalg.norm(positions - middle, axis=1).max())
@@ -57,7 +61,10 @@ def inside_cameras(twin: Twin) -> list[Camera]:
 def watch_ghosts(
     twin: Twin, cameras: Sequence[Camera], frames: Sequence[int], every: int, settings: Settings
 ) -> Iterator[GhostSample]:
-    """Plays frames of a twin, rendered in memory; yields a sample a camera in every `every`-th of them and the last."""
+    """Play the frames with the given indices of a twin, rendered in memory.
+
+    Yields a sample per camera in every `every`-th of these frames and in the last.
+    """
     engine = Engine(twin.sources, settings, f_vin=FPS)
     still = {c.name: render_view(twin.scene, c, 0.0, samples=1, background_only=True) for c in cameras}
     for number, index in enumerate(frames):
@@ -80,10 +87,10 @@ def watch_ghosts(
 def ghost_pixels(
     model: BackgroundModel, background: View, now: View, share: float | None = None
 ) -> tuple[Bools, Bools, Bools]:
-    """Where the model has a hole, is nearer than the background, and nearer than what is there now; [h, w] each.
+    """Masks [h, w] of where the model has a hole, is nearer than the background, and is nearer than the scene now.
 
-    Nearer than the nearest of the pixel and its neighbours: outlines may be a pixel off. By more than delta, or a
-    `share` of its own depth.
+    `background` and `now` are ground truth of one camera. "Nearer" is nearer than the pixel and its eight neighbours,
+    as outlines may be off by a pixel, and by more than delta, or by more than `share` times the model's depth if given.
     """
     camera = background.camera
     coding = dataclasses.replace(camera.depth, has_invalid=True)
@@ -100,7 +107,7 @@ def ghost_pixels(
 
 
 def _nearest(depth: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """The least of each pixel's and its eight neighbours' depths; what has none is infinitely far."""
+    """The least depth of each pixel and its eight neighbours; pixels without depth count as infinitely far."""
     h, w = depth.shape
     padded = np.pad(np.nan_to_num(depth, nan=np.inf), 1, mode="edge")
     shifted = [padded[y : y + h, x : x + w] for y, x in product(range(3), range(3))]
@@ -109,7 +116,10 @@ def _nearest(depth: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def plot_ghosts(samples: Sequence[GhostSample], title: str, path: Path) -> None:
-    """Draws the means over the cameras against frames into a PNG; ImportError without matplotlib (extra `plots`)."""
+    """Plot the means over the cameras against the frame into a PNG at `path`.
+
+    Raises ImportError without matplotlib (extra `plots`).
+    """
     from matplotlib.figure import Figure
 
     frames = sorted({sample.frame for sample in samples})

@@ -1,8 +1,7 @@
 """Objective quality: PSNR, WS-PSNR and IV-PSNR, as MPEG's IV-PSNR tool prints them, and SSIM as first published.
 
-Pictures are 4:2:0 `Texture`s with codes of `bits` bits; chroma is compared at luma resolution (replicated),
-so every plane has the luma's number of pixels N. An error of 0 counts as 1: identical planes have
-10 log10(N peak^2).
+Pictures are 4:2:0 `Texture`s with codes of `bits` bits. Chroma is compared at luma resolution (replicated), so every
+plane has N pixels, as many as luma. A summed error of 0 counts as 1, so identical planes have 10 log10(N peak^2) dB.
 IV-PSNR: Dziembowski et al., IEEE TCSVT 32(11), 2022. SSIM: Wang et al., IEEE TIP 13(4), 2004.
 """
 
@@ -21,15 +20,15 @@ from ..support.array_types import F64
 
 __all__ = ["Erp", "erp_range", "iv_psnr", "psnr", "ssim", "ws_psnr"]
 
-WEIGHTS = np.array([4, 1, 1])  # of Y, Cb, Cr: in the search for matches and in the mean of their PSNRs
-UNNOTICEABLE = 0.01  # of the peak: the largest global colour difference that is forgiven
-WINDOW, SIGMA, K1, K2 = 11, 1.5, 0.01, 0.03  # SSIM: pixels each way, standard deviation in pixels, constants
+WEIGHTS = np.array([4, 1, 1])  # weights of Y, Cb, Cr in the search for matches and in the mean of their PSNRs
+UNNOTICEABLE = 0.01  # the largest global colour difference that is forgiven, as a share of the peak
+WINDOW, SIGMA, K1, K2 = 11, 1.5, 0.01, 0.03  # SSIM: window side and standard deviation in pixels, constants
 
 Erp = tuple[float, float]  # horizontal and vertical range of an equirectangular picture, degrees
 
 
 def erp_range(camera: Camera) -> Erp | None:
-    """Ranges of an equirectangular camera in degrees; None for others."""
+    """Horizontal and vertical range of an equirectangular camera in degrees; None for other cameras."""
     p = camera.projection
     if not isinstance(p, Equirectangular):
         return None
@@ -37,12 +36,15 @@ def erp_range(camera: Camera) -> Erp | None:
 
 
 def psnr(ref: Texture, test: Texture, *, bits: int = 10) -> tuple[float, float, float]:
-    """PSNR of Y, Cb and Cr, dB. Raises ValueError where the sizes differ."""
+    """PSNR of Y, Cb and Cr, dB. Raises ValueError if the sizes differ."""
     return _plane_psnrs(_row_errors(ref, test).sum(axis=0), ref, bits)
 
 
 def ws_psnr(ref: Texture, test: Texture, erp: Erp, *, bits: int = 10) -> tuple[float, float, float]:
-    """PSNR of Y, Cb and Cr with rows weighted by the solid angle of their pixels, dB."""
+    """PSNR of Y, Cb and Cr with rows weighted by the solid angle of their pixels, dB.
+
+    Raises ValueError if the sizes differ, or for a range in `erp` that no sphere has.
+    """
     weights = row_weights(ref.y.shape[0], erp)
     errors = weights @ _row_errors(ref, test) * (len(weights) / weights.sum())
     return _plane_psnrs(errors, ref, bits)
@@ -51,7 +53,7 @@ def ws_psnr(ref: Texture, test: Texture, erp: Erp, *, bits: int = 10) -> tuple[f
 def iv_psnr(ref: Texture, test: Texture, erp: Erp | None = None, *, bits: int = 10) -> float:
     """IV-PSNR, dB: forgives a small global colour difference and shifts of up to two pixels.
 
-    With `erp` rows are weighted by the solid angle of their pixels.
+    With `erp`, rows are weighted by the solid angle of their pixels. Raises ValueError as `ws_psnr` does.
     """
     check_sizes(ref, test)
     runtime.require_tbb()
@@ -66,7 +68,7 @@ def iv_psnr(ref: Texture, test: Texture, erp: Erp | None = None, *, bits: int = 
 def ssim(ref: Texture, test: Texture, *, bits: int = 10) -> float:
     """Mean structural similarity of luma, at most 1: Gaussian windows that lie inside the picture, no down-sampling.
 
-    Raises ValueError where the sizes differ or are less than the window's 11 pixels.
+    Raises ValueError if the sizes differ, or if a side is shorter than the window's 11 pixels.
     """
     check_sizes(ref, test)
     if min(ref.y.shape) < WINDOW:
@@ -79,14 +81,14 @@ def ssim(ref: Texture, test: Texture, *, bits: int = 10) -> float:
 
 
 def colour_shift(planes: npt.NDArray[np.uint16], others: npt.NDArray[np.uint16], bits: int) -> npt.NDArray[np.int64]:
-    """What a small global colour difference of planes [3, h, w] asks to add to the first: [3], in codes."""
+    """Codes [3] to add to the first planes [3, h, w] so that their means match the second's, within UNNOTICEABLE."""
     limit = round(UNNOTICEABLE * peak_of(bits))
     means = (others.mean(axis=(1, 2), dtype=np.float64) - planes.mean(axis=(1, 2), dtype=np.float64)).tolist()
     return np.array([max(-limit, min(limit, _round(mean))) for mean in means])
 
 
 def _row_errors(ref: Texture, test: Texture) -> npt.NDArray[np.int64]:  # [h, 3]
-    """Squared errors summed over each row."""
+    """Squared errors of Y, Cb and Cr, summed over each row."""
     check_sizes(ref, test)
     difference = full_planes(ref).astype(np.int64) - full_planes(test)
     errors: npt.NDArray[np.int64] = np.einsum("chw,chw->hc", difference, difference)
@@ -101,7 +103,7 @@ def full_planes(texture: Texture) -> npt.NDArray[np.uint16]:  # [3, h, w]
 
 
 def row_weights(height: int, erp: Erp) -> F64:  # [h]
-    """Cosines of the rows' elevations, the range centred on the horizon."""
+    """Cosines of the rows' elevations, for a range centred on the horizon; ValueError for an impossible range."""
     if not (0 < erp[0] <= 360 and 0 < erp[1] <= 180):
         raise ValueError(f"erp: {erp!r}: expected horizontal and vertical ranges up to 360 and 180 degrees")
     elevations = ((np.arange(height) + 0.5) / height - 0.5) * math.radians(erp[1])
@@ -115,17 +117,17 @@ def _plane_psnrs(errors: npt.NDArray[np.number], ref: Texture, bits: int) -> tup
 
 
 def peak_of(bits: int) -> int:
-    """The largest code of so many bits."""
+    """The largest code of `bits` bits."""
     return (1 << bits) - 1
 
 
 def _round(value: float) -> int:
-    """Halves away from zero, so that both directions get the same shift."""
+    """Round halves away from zero, so that both directions get the same shift."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))
 
 
 def check_sizes(ref: Texture, test: Texture) -> None:
-    """Raises ValueError where the sizes differ."""
+    """Raises ValueError if the sizes of the two pictures differ."""
     if ref.y.shape != test.y.shape:
         size, expected = test.y.shape[::-1], ref.y.shape[::-1]
         raise ValueError(f"test picture: {size}: expected the reference's size {expected}")

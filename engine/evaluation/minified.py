@@ -1,4 +1,7 @@
-"""What prefiltering is worth in pictures that are coarser than the views: eyes amid a twin's cameras, by its truth."""
+"""The benefit of prefiltering in pictures that are coarser than the views.
+
+Eyes in the middle of a twin's cameras are compared with its ground truth.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +27,16 @@ __all__ = ["RATIOS", "MinifiedRow", "halving_cost", "measure_minified"]
 
 RATIOS = (1.5, 1.75, 2.0, 3.0, 4.0)
 _FOV = math.radians(75.0)
-_SAMPLES = 5  # squared a pixel: a truth that does not alias
+_SAMPLES = 5  # 5 x 5 samples per pixel: a truth that does not alias
 _REPEATS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class MinifiedRow:
-    """A picture with so many view pixels to one of its own: (PSNR-Y, IV-PSNR in dB, SSIM) without and with."""
+    """(PSNR-Y in dB, IV-PSNR in dB, SSIM) of a picture, without (off) and with (on) prefiltering.
+
+    ratio: pixels of a view for one pixel of the picture, in each direction. width: of the picture, pixels.
+    """
 
     ratio: float
     width: int
@@ -39,7 +45,10 @@ class MinifiedRow:
 
 
 def measure_minified(name: str, scale: float, quality: str, views: int) -> Iterator[MinifiedRow]:
-    """Render eyes in the middle of a twin's first views, from its first frame and these views alone."""
+    """Render eyes in the middle of the first `views` cameras of the twin `name`, from its first frame in these views.
+
+    Yields a row per ratio in RATIOS. `scale` is the size of the twin's pictures, `quality` a preset.
+    """
     twin = make_twin(name, scale)
     frame = twin_frame(twin, 0, twin.source_names[:views])
     cameras = [view.camera for view in frame.views]
@@ -59,7 +68,7 @@ def measure_minified(name: str, scale: float, quality: str, views: int) -> Itera
 
 
 def _eye(camera: Camera, ratio: float) -> Perspective:
-    """An eye with a pixel for so many of a camera: the camera's own picture if it is perspective."""
+    """An eye with one pixel for `ratio` pixels of a camera; with its field of view if the camera is perspective."""
     if isinstance(camera.projection, Perspective):
         return camera.projection.scaled(1.0 / ratio)
     width = 2 * round(math.tan(0.5 * _FOV) * pixels_per_radian(camera) / ratio)
@@ -67,7 +76,7 @@ def _eye(camera: Camera, ratio: float) -> Perspective:
 
 
 def halving_cost(view: View) -> float:
-    """Milliseconds of CPU time that halving a view costs for each of its megapixels, the least of a few."""
+    """Milliseconds of CPU time per megapixel of a view that halving it takes, the least of several."""
     options = Scene.of([view.camera], Settings(), Frame(0, (view,))).triangulation(view.camera, Settings())
     texture = view.texture
     cuts = depth_cuts(view.camera, view.codes, options)

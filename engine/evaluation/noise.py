@@ -1,13 +1,13 @@
-"""The background model over every frame of a twin: what it is worth in pictures, and how far it is off the truth.
+"""The background model over every frame of a twin: its benefit in pictures, and its own error.
 
-Pictures from few views with the model are compared with the same without it, whole (IV-PSNR) and in the *uncovered*
-pixels alone: where the ground truth is background that someone hid in the first frame, as seen from the virtual camera,
-and the warped views leave a hole. There it is the squared error of Y, Cb and Cr, weighted 4:1:1 as in IV-PSNR, with the
-nearest match among the 5x5 pixels around, as estimated depth moves a texture by a pixel.
+Pictures from few views with the model are compared with pictures without it: whole (IV-PSNR), and in the *uncovered*
+pixels only. In an uncovered pixel of the virtual camera the ground truth is background that someone hid in the first
+frame, and the warped views leave a hole. The error there is the squared error of Y, Cb and Cr, weighted 4:1:1 as in
+IV-PSNR, to the best match among the 5x5 pixels around, because estimated depth moves a texture by a pixel.
 
-The model itself, seen from the virtual camera, is compared with the scene without its people, where it shows the same
-surface (closer than its own delta; who has not moved on is in the model as well, and no error of it) and away from
-the truth's depth edges: the RMS distance along the rays and the RMS difference of luma.
+The model itself, seen from the virtual camera, is compared with the scene without its people: by the RMS distance along
+the rays, and by the RMS difference of luma. Only pixels away from the truth's depth edges count where the model shows
+the same surface, that is, within its own delta. (People who have not moved on are rightly in the model.)
 """
 
 from __future__ import annotations
@@ -31,16 +31,17 @@ from .metrics import iv_psnr
 __all__ = ["ModelError", "WorthSample", "model_error", "uncovered_psnr", "watch_noise"]
 
 Bools = npt.NDArray[np.bool_]
-_SHIFT = 2  # pixels by which a match may lie aside, as in IV-PSNR
-_EDGE_SHARE = 0.02  # of the depth: a step between neighbours of the true background that is an edge
+_SHIFT = 2  # largest distance of a match along rows and columns, pixels, as in IV-PSNR
+_EDGE_SHARE = 0.02  # step between neighbours of the true background that is an edge, as a share of the depth
 
 
 @dataclass(frozen=True, slots=True)
 class ModelError:
-    """The model against the true background: metres, share of delta, 10-bit codes of luma; shares of the pixels.
+    """The model against the true background.
 
-    colour_once_hidden: of those pixels alone that someone hid in the first frame. other: the model shows another
-    surface, nearer or farther by more than delta. holes: it shows nothing.
+    surface_m, surface_delta: RMS distance in metres, and as a share of delta. colour: RMS difference of luma, 10-bit
+    codes; colour_once_hidden: the same, only over pixels that someone hid in the first frame. other: fraction of the
+    pixels where the model shows another surface, nearer or farther by more than delta. holes: where it shows nothing.
     """
 
     surface_m: float
@@ -53,8 +54,12 @@ class ModelError:
 
 @dataclass(frozen=True, slots=True)
 class WorthSample:
-    """One virtual camera at one frame: IV-PSNR with and without the model, dB; the share of uncovered pixels, and
-    their PSNR; the model's own error where it was asked for; triangles: those of the model."""
+    """One virtual camera at one frame.
+
+    model, without: IV-PSNR with and without the model, dB. uncovered: fraction of the pixels that are uncovered;
+    uncovered_model, uncovered_without: their PSNR with and without the model, dB. triangles: of the model. error: the
+    model's own error, in the frames where it is measured.
+    """
 
     camera: str
     frame: int
@@ -70,7 +75,10 @@ class WorthSample:
 def watch_noise(
     twin: Twin, cameras: Sequence[Camera], frames: int, every: int, settings: Settings
 ) -> Iterator[WorthSample]:
-    """Plays a twin, rendered in memory, with and without the model; the model's error in every `every`-th frame."""
+    """Play `frames` frames of a twin, rendered in memory, with and without the model; yields a sample per camera.
+
+    The model's own error is measured in every `every`-th frame and in the last.
+    """
     engine = Engine(twin.sources, settings, f_vin=FPS)
     plain = Engine(twin.sources, dataclasses.replace(settings, background=False), f_vin=FPS)
     still = {c.name: render_view(twin.scene, c, 0.0, background_only=True) for c in cameras}
@@ -106,7 +114,7 @@ def _erp(camera: Camera) -> tuple[float, float] | None:
 
 
 def uncovered_psnr(truth: Texture, test: Texture, where: Bools) -> float:
-    """PSNR of 10-bit codes in some pixels [h, w], with the best match near by; nan where there are none."""
+    """PSNR of 10-bit codes, dB, in the pixels of the mask `where` [h, w], each to its best match; nan for no pixel."""
     if not where.any():
         return math.nan
     h, w = where.shape
@@ -126,7 +134,10 @@ def _planes(texture: Texture) -> npt.NDArray[np.float64]:  # [3, h, w]
 
 
 def model_error(model: BackgroundModel, background: View, once_hidden: Bools) -> ModelError:
-    """Compares the model with a ground-truth view of the background."""
+    """Compare the model with `background`, a ground-truth view of the scene without people.
+
+    `once_hidden` [h, w]: the pixels that someone hid in the first frame.
+    """
     camera = background.camera
     coding = dataclasses.replace(camera.depth, has_invalid=True, bits=16)
     found = model.render_pbi(dataclasses.replace(camera, depth=coding)).view
@@ -144,7 +155,7 @@ def model_error(model: BackgroundModel, background: View, once_hidden: Bools) ->
 
 
 def _beside_edges(depth: npt.NDArray[np.float64]) -> Bools:
-    """Pixels [h, w] with a neighbour, across or down, that is nearer or farther by a step."""
+    """Mask [h, w] of pixels whose depth differs from a horizontal or vertical neighbour's by an edge's step."""
     edges = np.zeros(depth.shape, bool)
     for axis in (0, 1):
         step = np.abs(np.diff(np.log(depth), axis=axis)) > _EDGE_SHARE

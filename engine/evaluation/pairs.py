@@ -1,4 +1,4 @@
-"""Stereo pairs a second while the background model is updated: the live load without a network."""
+"""Stereo pairs per second while the background model is updated: the load of a live service without its network."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _VIEWER = "viewer"
 
 @dataclass(slots=True)
 class PairRate:
-    """What a run came to: rates in 1/s, medians of a pair's stages (both eyes' sum) in ms."""
+    """Result of a run: pairs and updates per second, and medians of a pair's stages (sums of both eyes), ms."""
 
     pairs: float
     updates: float
@@ -34,14 +34,15 @@ class PairRate:
 def measure_pairs(
     frames: Sequence[Frame], quality: str, f_vin: float, seconds: float, size: tuple[int, int] = (640, 720)
 ) -> PairRate:
-    """Render a slowly turning head for some seconds; a back-end thread takes `f_vin` of the frames a second.
+    """Render for a slowly turning head for `seconds`, while a back-end thread takes `f_vin` frames per second.
 
-    As in the live service the back end leaves a core to rendering. With f_vin 0 the first frame is all there is.
+    `size` is the width and height of an eye's picture. As in the live service, the back end leaves one core to the
+    rendering. With f_vin 0 there are no updates after the first two frames.
     """
     engine = Engine([view.camera for view in frames[0].views], Settings.preset(quality), f_vin=f_vin or 1.0)
     home = np.mean([view.camera.pose.position for view in frames[0].views], axis=0)
     view = StereoView.symmetric(head_pose(home, 0.0), *size, math.radians(90))
-    for frame in frames[:2]:  # compiles what is not compiled yet, and builds the S-PBS
+    for frame in frames[:2]:  # compiles kernels that are not compiled yet, and builds the S-PBS
         engine.update(frame, {_VIEWER: view})
         engine.render(view, _VIEWER)
     stop, updated = threading.Event(), [0]
