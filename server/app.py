@@ -1,4 +1,4 @@
-"""The FastAPI application: routes over one service, and the server that runs it."""
+"""The FastAPI application with the routes of one service, and the server that runs it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PAGE = Path(str(files("farside.server"))) / "page"
 
 
 def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | None = None) -> FastAPI:
-    """The application; `make_core` replaces the engine, in a process of its own, that a source's cameras create."""
+    """The application; `make_core` replaces the maker of the engine's process, which is called for each new rig."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -94,7 +94,7 @@ def _service(app: FastAPI) -> Service:
 def make_server(
     settings: ServerSettings, make_core: Callable[[Source], Core] | None = None
 ) -> uvicorn.Server:
-    """A server ready to run."""
+    """A server ready to run; `make_core` as in `create_app`."""
     config = uvicorn.Config(
         create_app(settings, make_core),
         host=settings.host,
@@ -102,8 +102,8 @@ def make_server(
         log_level=settings.log_level,
         ws="websockets-sansio",
         ws_max_size=settings.max_message_bytes,
-        ws_per_message_deflate=False,  # pictures are compressed, depth is large: it would only cost time
-        ws_ping_timeout=120.0,  # the first frame waits for kernels to be compiled
+        ws_per_message_deflate=False,  # pictures are compressed already and depth is large: it would only cost time
+        ws_ping_timeout=120.0,  # at the first frame kernels may have to be compiled
         timeout_graceful_shutdown=settings.shutdown_timeout_s,
     )
     return uvicorn.Server(config)

@@ -18,7 +18,7 @@ MEDIA_TYPES = {"glb": "model/gltf-binary", "ply": "application/octet-stream"}
 
 
 async def export_mesh(service: Service, format_name: str) -> Response:
-    """The model in a format (glb, ply); 409 before the first frame."""
+    """The model as a file in `format_name` ("glb" or "ply"); raises HTTPException 409 before the first frame."""
     try:
         data = await service.live.mesh(format_name)
     except ValueError as error:
@@ -28,7 +28,7 @@ async def export_mesh(service: Service, format_name: str) -> Response:
 
 
 def export_metrics(service: Service) -> bytes:
-    """The text that Prometheus reads."""
+    """The service's figures in Prometheus' text format."""
     registry = CollectorRegistry()
     registry.register(_Figures(service.status()))
     return generate_latest(registry)
@@ -44,12 +44,12 @@ class _Figures(Collector):
         for outcome, count in status["frames"].items():
             frames.add_metric([outcome], count)
         yield frames
-        stages = GaugeMetricFamily("farside_stage_ms", "Milliseconds a stage", labels=["stage", "quantile"])
+        stages = GaugeMetricFamily("farside_stage_ms", "Milliseconds that a stage takes", labels=["stage", "quantile"])
         for stage, summary in status["stages_ms"].items():
             stages.add_metric([stage, "0.5"], summary["p50"])
             stages.add_metric([stage, "0.95"], summary["p95"])
         yield stages
         yield GaugeMetricFamily("farside_viewers", "Viewers connected", value=len(status["viewers"]))
-        yield GaugeMetricFamily("farside_source_connected", "1 while a source is", status["source_connected"])
+        yield GaugeMetricFamily("farside_source_connected", "1 if a source is connected", status["source_connected"])
         for name, value in (status["rates"] | status["event_loop"] | status["pictures"]).items():
             yield GaugeMetricFamily(f"farside_{name}", name.replace("_", " "), value=value)

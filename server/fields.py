@@ -16,24 +16,24 @@ Quaternion = tuple[float, float, float, float]
 
 
 class CloseCode(IntEnum):
-    """Why a connection was closed, in WebSocket's private range."""
+    """The reason why a connection was closed, in WebSocket's private range."""
 
-    MALFORMED = 4400  # no msgpack map, or a field is missing or has the wrong type
+    MALFORMED = 4400  # not a msgpack map, or a field is missing or has the wrong type
     TOKEN = 4401
     VERSION = 4402
     VALUE = 4403  # a field has the right type and a wrong value
     CAMERA = 4404  # unknown camera
-    TYPE = 4405  # a message type that has no place here
+    TYPE = 4405  # a message type that is not expected here
     ORDER = 4406
-    SIZE = 4407  # another resolution or length than announced
+    SIZE = 4407  # a resolution or length that differs from the announced one
     TIMEOUT = 4408
-    BUSY = 4409  # another source drives the engine, or too many viewers
+    BUSY = 4409  # another source is there, or there are too many viewers
     TOO_BIG = 4413
     INTERNAL = 4500
 
 
 class ProtocolError(ValueError):
-    """What a peer sent is wrong: close code, field, value and expectation."""
+    """A peer sent something wrong: close code, field, value and expectation."""
 
     def __init__(self, code: CloseCode, field: str, value: object, expected: str) -> None:
         self.code, self.field, self.expected = code, field, expected
@@ -44,7 +44,10 @@ class ProtocolError(ValueError):
 
 
 class Reader:
-    """Checked access to a decoded map; `path` names it in errors."""
+    """Checked access to a decoded map; `path` names the map in errors.
+
+    Every method raises ProtocolError if the field `name` is missing, has the wrong type or a value out of bounds.
+    """
 
     def __init__(self, fields: object, path: str = "") -> None:
         if not isinstance(fields, dict):
@@ -54,11 +57,11 @@ class Reader:
     def fail(
         self, name: str, value: object, expected: str, code: CloseCode = CloseCode.VALUE
     ) -> ProtocolError:
-        """The error of a field."""
+        """The error for the field `name` with `value` instead of what was `expected`."""
         return ProtocolError(code, f"{self._path}.{name}" if self._path else name, value, expected)
 
     def has(self, name: str) -> bool:
-        """Whether an optional field is there and not nil."""
+        """Whether an optional field is present and not nil."""
         return self._fields.get(name) is not None
 
     def _get(self, name: str, kinds: tuple[type, ...], expected: str) -> Any:
@@ -70,7 +73,7 @@ class Reader:
         return value
 
     def integer(self, name: str, low: int, high: int) -> int:
-        """An integer within bounds; true and false are none."""
+        """An integer from `low` to `high`; true and false do not count as integers."""
         expected = f"an integer from {low} to {high}"
         value: int = self._get(name, (int,), expected)
         if not low <= value <= high:
@@ -78,7 +81,7 @@ class Reader:
         return value
 
     def number(self, name: str, low: float = -MAX_NUMBER, high: float = MAX_NUMBER) -> float:
-        """A finite number within bounds."""
+        """A finite number from `low` to `high`."""
         expected = f"a number from {low:g} to {high:g}"
         value = self._get(name, (int, float), expected)
         if not low <= value <= high:
@@ -90,7 +93,7 @@ class Reader:
         return bool(self._get(name, (bool,), "true or false"))
 
     def text(self, name: str, longest: int = 200) -> str:
-        """A string of bounded length."""
+        """A string of at most `longest` characters."""
         expected = f"a string of at most {longest} characters"
         value: str = self._get(name, (str,), expected)
         if len(value) > longest:
@@ -98,7 +101,7 @@ class Reader:
         return value
 
     def choice(self, name: str, options: Iterable[str]) -> str:
-        """One of a few strings."""
+        """A string that is one of `options`."""
         expected = "one of " + ", ".join(options)
         value: str = self._get(name, (str,), expected)
         if value not in options:
@@ -111,7 +114,7 @@ class Reader:
         return value
 
     def items(self, name: str, low: int, high: int) -> list[Any]:
-        """An array of bounded length."""
+        """An array of `low` to `high` items."""
         expected = f"an array of {low} to {high} items" if low < high else f"an array of {low} items"
         value: list[Any] = self._get(name, (list,), expected)
         if not low <= len(value) <= high:
@@ -119,7 +122,7 @@ class Reader:
         return value
 
     def numbers(self, name: str, count: int) -> tuple[float, ...]:
-        """That many finite numbers."""
+        """An array of `count` finite numbers."""
         values = self.items(name, count, count)
         for value in values:
             if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MAX_NUMBER:
@@ -132,7 +135,7 @@ class Reader:
         return x, y, z
 
     def quaternion(self, name: str) -> Quaternion:
-        """A unit quaternion."""
+        """A unit quaternion, in the order in which it was sent."""
         a, b, c, d = self.numbers(name, 4)
         if not abs(math.sqrt(a * a + b * b + c * c + d * d) - 1.0) < 1e-3:
             raise self.fail(name, [a, b, c, d], "a unit quaternion")
@@ -143,12 +146,12 @@ class Reader:
         return Reader(self._get(name, (dict,), "a map"), f"{self._path}.{name}" if self._path else name)
 
     def children(self, name: str, low: int, high: int) -> list[Reader]:
-        """An array of maps."""
+        """An array of `low` to `high` maps."""
         path = f"{self._path}.{name}" if self._path else name
         return [Reader(item, f"{path}[{i}]") for i, item in enumerate(self.items(name, low, high))]
 
     def scalars(self, name: str, most: int = 64) -> dict[str, Any]:
-        """A map of strings to scalars."""
+        """A map of strings to scalars, with at most `most` items."""
         fields: dict[str, Any] = self._get(name, (dict,), "a map")
         for key, value in fields.items():
             if not isinstance(key, str) or not isinstance(value, str | int | float | bool | None):

@@ -1,4 +1,4 @@
-"""What comes over a client's connection, and whether a source is still there."""
+"""Reading a client's connection, and finding out whether a source is still there."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .protocol import CloseCode, ProtocolError
 
 __all__ = ["Inbox", "receive"]
 
-READ_S = 5.0  # then a source that is so far behind counts as being there
+READ_S = 5.0  # a source whose messages are still unread after this time counts as being there
 
 
 async def receive(socket: WebSocket) -> bytes:
@@ -28,17 +28,17 @@ async def receive(socket: WebSocket) -> bytes:
 
 
 class Inbox(AbstractAsyncContextManager["Inbox"]):
-    """What a source sends, read a little ahead of who takes it: its end is seen while a view is still being taken.
+    """A source's messages, read a little ahead, so that the end of the connection is seen while a view is being taken.
 
-    No more than two messages wait, one of them in the queue; then nothing is read, and it is not known whether the
-    source is still there. Used as an async context manager, which reads while the block runs.
+    At most two messages wait, one of them in the queue. Then nothing more is read, and it is not known whether the
+    source is still there. An async context manager, which reads while the block runs.
     """
 
     def __init__(self, client: str, socket: WebSocket) -> None:
         self.client, self._socket = client, socket
-        self.ended = False  # no more comes, or no more is wanted
+        self.ended = False  # no more messages arrive, or none are wanted any more
         self._messages: asyncio.Queue[bytes | Exception] = asyncio.Queue(1)
-        self._known = asyncio.Event()  # whether it is still there: set while the next message is awaited
+        self._known = asyncio.Event()  # set while the next message is awaited: then `ended` is up to date
         self._known.set()
 
     async def __aenter__(self) -> Self:
@@ -59,24 +59,24 @@ class Inbox(AbstractAsyncContextManager["Inbox"]):
                 data = await receive(self._socket)
                 self._known.clear()
                 await self._messages.put(data)
-        except Exception as error:  # the end, mostly: raised where what came before it has been taken
+        except Exception as error:  # mostly the end; `receive` raises it after the messages that came before
             self.end()
             await self._messages.put(error)
 
     def end(self) -> None:
-        """Nothing that is still done for the source keeps another from its place."""
+        """Mark the source as gone, so that another may take its place although work for this one goes on."""
         self.ended = True
         self._known.set()
 
     async def receive(self) -> bytes:
-        """The next message; raises what `receive` of the connection does, after all messages that came before."""
+        """The next message; after the last one raises what the module's `receive` raised."""
         message = await self._messages.get()
         if isinstance(message, Exception):
             raise message
         return message
 
     async def is_there(self) -> bool:
-        """Whether the source is still there; at once, unless it has sent more than was read."""
+        """Whether the source is still there. Answers at once, or within READ_S if it has sent more than was read."""
         try:
             async with asyncio.timeout(READ_S):
                 while not self._known.is_set():

@@ -1,4 +1,4 @@
-"""Sources: views in, word of every frame's fate out."""
+"""Sources: receives views, and reports the outcome of every frame."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from .service import CREDITS, Service, conversation, race, send
 
 __all__ = ["serve_source"]
 
-BUFFERS = CREDITS + 1  # frames in memory: the one that is shown, and those that a source may have unsettled
+BUFFERS = CREDITS + 1  # frames in memory: the one on show, and those of the source that are not settled yet
 
 
 async def serve_source(socket: WebSocket, service: Service) -> None:
-    """One source's connection, from hello to close. It may leave and come back; one at a time."""
+    """One source's connection, from hello to close. One source at a time; it may leave and come back."""
     async with conversation(socket):
         client, hello = await service.greet(socket, SourceHello)
         async with Inbox(client, socket) as inbox, service.place(inbox):
@@ -46,7 +46,7 @@ async def serve_source(socket: WebSocket, service: Service) -> None:
                 await race(ingest.receive(), ingest.grant(), ingest.report())
             finally:
                 inbox.end()  # the next source does not wait for what follows
-                await asyncio.to_thread(ingest.close)  # it takes a while to free gigabytes
+                await asyncio.to_thread(ingest.close)  # freeing gigabytes takes a while
 
 
 async def _open(service: Service, hello: SourceHello) -> None:
@@ -57,10 +57,10 @@ async def _open(service: Service, hello: SourceHello) -> None:
 
 
 class _Ingest:
-    """Reads views into buffers, offers complete frames, reports what became of them.
+    """Reads views into buffers, offers complete frames to the engine, and reports their outcomes.
 
-    A buffer that nobody reads any more is granted to the source: one that shares memory is told, and says which it has
-    filled; the frames of another are put into them as they come.
+    A buffer that nobody reads any more is granted to the source. A source that shares memory is told so, and says which
+    buffer it has filled. Frames that arrive in messages are written into granted buffers here.
     """
 
     def __init__(self, service: Service, socket: WebSocket, inbox: Inbox, hello: SourceHello) -> None:
@@ -74,12 +74,12 @@ class _Ingest:
         self._granted: dict[int, FrameBuffer] = {}
         self._arriving: FrameBuffer | None = None
         self._settled: asyncio.Queue[tuple[int, asyncio.Future[bool]]] = asyncio.Queue()
-        self._credits = asyncio.Semaphore(CREDITS)  # a source that ignores its credits is read no further
+        self._credits = asyncio.Semaphore(CREDITS)  # nothing more is read from a source that ignores its credits
         shares = hello.shares and _on_this_machine(socket)
         self.memory = SharedMemory(os.getpid(), name, tuple(self._buffers.files)) if shares else None
 
     def close(self) -> None:
-        """Lets go of the buffers that nobody reads."""
+        """Release the buffers; memory that is still in use stays until its last use ends."""
         self._buffers.close()
         self._granted.clear()
         self._arriving = None
@@ -90,7 +90,7 @@ class _Ingest:
             while (buffer := self._buffers.take()) is not None:
                 number = buffer.number
                 self._granted[number] = buffer
-                del buffer  # it would never be free again
+                del buffer  # a reference kept here would prevent it from ever becoming free again
                 self._granted_one.set()
                 if self.memory is not None:
                     await send(self._socket, BufferFree(number))
@@ -98,13 +98,13 @@ class _Ingest:
             self._freed.clear()
 
     async def receive(self) -> NoReturn:
-        """Read views and offer every frame that is complete."""
+        """Read views and offer every complete frame to the engine."""
         while True:
             await self._take(await self._inbox.receive())
 
     async def _take(self, data: bytes) -> None:
         start = time.perf_counter()
-        while self._arriving is None and not self._granted:  # a frame begins: its views need memory
+        while self._arriving is None and not self._granted:  # a frame begins, and its views need memory
             self._granted_one.clear()
             await self._granted_one.wait()
         index, view = await asyncio.to_thread(self._receive_view, data)
@@ -120,32 +120,32 @@ class _Ingest:
             self._offer(frame)
 
     def _receive_view(self, data: bytes) -> tuple[int, View]:
-        """The number of a frame, and its view in a message, put into the frame's buffer; in a worker thread."""
+        """The frame number and the view in a message; the view is put into the frame's buffer. In a worker thread."""
         message = decode(data, ViewData)
         if self._arriving is None:
             self._arriving = self._granted_for(message)
         elif message.buffer not in (None, self._arriving.number):
-            expected = f"{self._arriving.number} for all of a frame"
+            expected = f"{self._arriving.number} for all views of the frame"
             raise ProtocolError(CloseCode.ORDER, "buffer", message.buffer, expected)
         return message.frame, decode_view(message, self._cameras, self._arriving.planes)
 
     def _granted_for(self, message: ViewData) -> FrameBuffer:
-        """The buffer of a frame that begins; meanwhile more may be granted, but none is taken."""
+        """The buffer for a frame that begins. Meanwhile the event loop may grant more buffers, but takes none."""
         if message.buffer is None:
             return self._granted.popitem()[1]
         if self.memory is None or message.buffer not in self._granted:
-            expected = "one of those given: " + ", ".join(map(str, self._granted.copy())) if self.memory else "none"
+            expected = "a free buffer: " + ", ".join(map(str, self._granted.copy())) if self.memory else "none"
             raise ProtocolError(CloseCode.ORDER, "buffer", message.buffer, expected)
         return self._granted.pop(message.buffer)
 
     def _offer(self, frame: Frame) -> None:
         if self._service.source is not self._inbox:
-            raise WebSocketDisconnect  # it has ended, and another has come: its frame does not fit that one's cameras
+            raise WebSocketDisconnect  # this source has ended, and its frame need not fit the next source's cameras
         settled, index = self._live.offer(frame), frame.index
         settled.add_done_callback(lambda future: self._settled.put_nowait((index, future)))
 
     async def report(self) -> NoReturn:
-        """Tell the source what became of its frames."""
+        """Tell the source the outcome of each of its frames."""
         while True:
             index, settled = await self._settled.get()
             error = None if settled.cancelled() else settled.exception()

@@ -1,4 +1,4 @@
-"""Textures, depth codes and views as the protocol carries them. Heavy work: call it in a worker thread."""
+"""Encoding and decoding of textures, depth codes and views for the protocol. It takes long: use a worker thread."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _MAX_TEXTURE_CODE = 1023
 
 
 def encode_texture(texture: Texture, encoding: str, quality: int = 90) -> Picture:
-    """A texture as JPEG or as raw planes."""
+    """A texture as JPEG ("jpeg", at `quality` 1 to 100) or as planes of 10-bit codes ("raw")."""
     if encoding == "jpeg":
         return Picture(encoding, (encode_jpeg(texture, quality),))
     return Picture(encoding, tuple(_bytes(plane) for plane in (texture.y, texture.cb, texture.cr)))
 
 
 def decode_texture(picture: Picture, height: int, width: int, name: str = "texture") -> Texture:
-    """The texture in a picture of a known size; raises ProtocolError."""
+    """The texture of `height` x `width` in a picture; `name` is the field in errors. Raises ProtocolError."""
     if picture.encoding == "jpeg":
         try:
             return decode_jpeg(picture.planes[0], height, width)
@@ -44,7 +44,7 @@ def decode_texture(picture: Picture, height: int, width: int, name: str = "textu
 
 
 def encode_depth(codes: Codes, encoding: str) -> DepthData:
-    """Depth codes as they are (raw) or as deflated differences along the rows (zlib): lossless both."""
+    """Depth codes, uint16 [h, w], as they are ("raw") or as deflated differences along the rows ("zlib"), lossless."""
     if encoding == "raw":
         return DepthData(encoding, _bytes(codes))
     differences = np.diff(codes, axis=1, prepend=np.uint16(0))
@@ -53,7 +53,7 @@ def encode_depth(codes: Codes, encoding: str) -> DepthData:
 
 
 def decode_depth(depth: DepthData, height: int, width: int) -> Codes:
-    """The codes (uint16 [h, w]) in a message, whatever they may be; raises ProtocolError."""
+    """The codes (uint16 [h, w]) in a message, of any value; raises ProtocolError for a wrong length or bad stream."""
     if depth.encoding == "raw":
         return _plane(depth.data, (height, width), "depth.data")
     expected = 2 * height * width
@@ -74,16 +74,16 @@ def decode_depth(depth: DepthData, height: int, width: int) -> Codes:
 def encode_view(
     view: View, frame: int, *, texture: str = "raw", depth: str = "raw", quality: int = 90
 ) -> ViewData:
-    """The message of a view; the pose goes along."""
+    """The message for a view of the frame number `frame`, with the camera's pose; `quality` is that of JPEG."""
     camera = view.camera
     picture, codes = encode_texture(view.texture, texture, quality), encode_depth(view.codes, depth)
     return ViewData(frame, camera.name, camera.width, camera.height, picture, codes, camera.pose)
 
 
 def decode_view(message: ViewData, cameras: Mapping[str, Camera], memory: Mapping[str, Planes]) -> View:
-    """The view in a message of one of the announced cameras, in the memory for it; raises ProtocolError.
+    """The view in a message of one of the announced `cameras`, put into that camera's planes of `memory`.
 
-    Texture and depth that did not come along are there already.
+    Texture and depth that the message does not contain are there already. Raises ProtocolError.
     """
     camera = cameras.get(message.camera)
     if camera is None:
@@ -111,7 +111,7 @@ def _take_texture(picture: Picture | None, texture: Texture) -> None:
 
 
 def _take_planes(data: Sequence[bytes | memoryview] | None, texture: Texture, name: str) -> None:
-    """Checks what is in the texture's planes; data: what is to be put there first."""
+    """Write `data`, if given, into the texture's planes; check the codes there."""
     for number, field in enumerate(("y", "cb", "cr")):
         plane = getattr(texture, field)
         if data is not None:
@@ -126,12 +126,12 @@ def _take_depth(depth: DepthData | None, codes: Codes, max_code: int) -> None:
 
 
 def _bytes(plane: Codes) -> memoryview:
-    """The bytes of a plane, not copied where they lie one after the other."""
+    """The bytes of a plane, copied only if the plane is not contiguous."""
     return np.ascontiguousarray(plane, "<u2").data.cast("B")
 
 
 def _plane(data: bytes | memoryview, shape: tuple[int, ...], name: str) -> Codes:
-    """The plane as it lies in the data."""
+    """The data as a plane, not copied."""
     expected = 2 * math.prod(shape)
     if len(data) != expected:
         raise ProtocolError(

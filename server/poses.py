@@ -1,4 +1,4 @@
-"""Viewers: poses in, stereo pictures out."""
+"""Viewers: receives poses, sends stereo pictures."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ async def _receive_poses(socket: WebSocket, viewer: LiveViewer[PoseUpdate], axes
 async def _send_pair(
     socket: WebSocket, encoding: str, pose: PoseUpdate, dropped: int, rung: str, pair: EncodedPair
 ) -> None:
-    """The message of a pose's pair."""
+    """Send the stereo pair that was rendered for `pose`."""
     report = pair.report
     left, right = (_picture(eye, encoding, report.height, report.width) for eye in (pair.left, pair.right))
     message = Stereo(

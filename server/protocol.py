@@ -1,8 +1,8 @@
-"""The wire protocol: messages, their checks, msgpack there and back. No I/O; PROTOCOL.md describes it.
+"""The wire protocol: messages, their checks, encoding to msgpack and decoding. No I/O; PROTOCOL.md describes it.
 
 A message is one msgpack map in one binary WebSocket message; its `type` names it. Unknown fields are
-ignored, so that a version can gain fields. Everything wrong raises `ProtocolError`, which names field, value
-and expectation and carries the code that the connection is closed with.
+ignored, so that a version can gain fields. Every error raises `ProtocolError`, which names field, value
+and expectation and carries the code with which the connection is closed.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ MAX_CAMERAS = 256
 MAX_EYE_PX = 4096
 MAX_VIEW_PX = 8192
 MAX_BUFFERS = 100
-MAX_COUNT = 1 << 53  # what a double, hence JavaScript, still counts exactly
+MAX_COUNT = 1 << 53  # the largest count that a double, and therefore JavaScript, holds exactly
 
 AXES = ("omaf", "openxr")
 PICTURE_PLANES = {"jpeg": 1, "raw": 3}
@@ -89,7 +89,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class DepthData:
-    """Depth codes on the wire: uint16 little-endian rows (raw), or their differences deflated (zlib)."""
+    """Depth codes on the wire: uint16 little-endian rows (raw), or deflated differences along the rows (zlib)."""
 
     encoding: str
     data: bytes | memoryview = field(repr=False)
@@ -160,7 +160,7 @@ def _read_cameras(reader: Reader) -> tuple[Camera, ...]:
     names = [camera.name for camera in cameras]
     for name in names:
         if names.count(name) > 1:
-            raise reader.fail("cameras", name, "every camera's name once")
+            raise reader.fail("cameras", name, "different names of all cameras")
     return cameras
 
 
@@ -172,7 +172,7 @@ def _read_version(reader: Reader) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ViewerHello:
-    """A viewer introduces itself: its axes, what its eyes see, how pictures are to be coded."""
+    """A viewer introduces itself: its axes, its eyes' pictures and fields of view, and the encoding of pictures."""
 
     TYPE: ClassVar[str] = "hello"
     ROLE: ClassVar[str] = "viewer"
@@ -187,7 +187,7 @@ class ViewerHello:
 
     @classmethod
     def symmetric(cls, width: int, height: int, fov_rad: float, **others: Any) -> Self:
-        """Both eyes alike, square pixels, from the horizontal field of view in radians."""
+        """The hello of two equal eyes with square pixels and the horizontal field of view `fov_rad`, radians."""
         horizontal = math.tan(fov_rad / 2)
         vertical = horizontal * height / width
         eye = (horizontal, horizontal, vertical, vertical)
@@ -239,7 +239,7 @@ class SourceHello:
     fps: float
     cameras: tuple[Camera, ...]
     token: str = ""
-    shares: bool = False  # it can write into memory of a server on the same machine
+    shares: bool = False  # whether it can write into the memory of a server on the same machine
 
     def _fields(self) -> dict[str, Any]:
         return {
@@ -265,9 +265,9 @@ class SourceHello:
 
 @dataclass(frozen=True, slots=True)
 class SharedMemory:
-    """Memory of the server that a source on the same machine may write frames into.
+    """Memory of the server into which a source on the same machine may write frames.
 
-    Buffer k is what the server's process has open as descriptor `files[k]`; /proc calls it memfd:`name`.
+    Buffer k is the file that the server's process has open as descriptor `files[k]`; /proc calls it memfd:`name`.
     """
 
     process: int
@@ -296,9 +296,9 @@ class Welcome:
     session: str  # one run of the server
     client: str  # this connection
     settings: dict[str, Any]  # the engine's
-    credits: int  # frames that a source may have unsettled
+    credits: int  # most frames of a source that are not settled yet
     max_message: int  # bytes
-    memory: SharedMemory | None = None  # for a source that shares
+    memory: SharedMemory | None = None  # for a source whose hello has `shares`
 
     def _fields(self) -> dict[str, Any]:
         fields = {name: getattr(self, name) for name in self.__slots__}
@@ -319,7 +319,10 @@ class Welcome:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What is on: sent to a viewer when a source has announced its cameras. `home` is a pose amid them."""
+    """The scene on show, sent to a viewer when a source has announced its cameras.
+
+    `cameras` is their number. `position` and `orientation` are a pose among them, in the viewer's axes.
+    """
 
     TYPE: ClassVar[str] = "scene"
     name: str
@@ -344,7 +347,7 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class BufferFree:
-    """A buffer of the shared memory may be written, once, with the next frame that the source likes."""
+    """A buffer of the shared memory is free: the source may write one frame into it."""
 
     TYPE: ClassVar[str] = "buffer"
     number: int
@@ -359,9 +362,9 @@ class BufferFree:
 
 @dataclass(frozen=True, slots=True)
 class ViewData:
-    """One camera's texture and depth of one frame; `pose` where the camera moves (OMAF axes).
+    """One camera's texture and depth of one frame; `pose` if the camera moves (OMAF axes).
 
-    Texture and depth come along, or lie in shared memory already, in the buffer of the frame.
+    Texture and depth are in the message, or already in shared memory, in the frame's `buffer`.
     """
 
     TYPE: ClassVar[str] = "view"
@@ -421,9 +424,9 @@ class FrameDone:
 
 @dataclass(frozen=True, slots=True)
 class PoseUpdate:
-    """Where a viewer's head is, in its axes; `time` is on the viewer's clock, seconds.
+    """The pose of a viewer's head, in the viewer's axes; `time` is on the viewer's clock, seconds.
 
-    `seen` counts the stereo messages that the viewer has received: with it, few are under way at a time.
+    `seen` counts the stereo messages that the viewer has received; with it the server keeps only few under way.
     """
 
     TYPE: ClassVar[str] = "pose"
@@ -451,7 +454,7 @@ class PoseUpdate:
 
 @dataclass(frozen=True, slots=True)
 class Stereo:
-    """A stereo pair, with the pose (as it was sent), its time and the frame that it was rendered for."""
+    """A stereo pair, and the pose (as it was sent), the pose's time and the frame for which it was rendered."""
 
     TYPE: ClassVar[str] = "stereo"
     seq: int
@@ -465,8 +468,8 @@ class Stereo:
     right: Picture
     stages: Mapping[str, float]  # milliseconds
     holes: float  # fraction of the pixels that nothing covered before filling
-    dropped: int  # this viewer's poses overtaken so far
-    rung: str = ""  # of the governor's ladder, where a frame rate is held
+    dropped: int  # number of this viewer's poses overtaken so far
+    rung: str = ""  # of the governor's ladder; empty if no frame rate is held
 
     def _fields(self) -> dict[str, Any]:
         fields = {name: getattr(self, name) for name in self.__slots__}
@@ -498,7 +501,7 @@ class Stereo:
 
 @dataclass(frozen=True, slots=True)
 class Error:
-    """Why the connection is about to be closed; `code` is the close code."""
+    """The reason why the connection is about to be closed; `code` is the close code."""
 
     TYPE: ClassVar[str] = "error"
     code: int
@@ -508,7 +511,7 @@ class Error:
 
     @classmethod
     def of(cls, error: ProtocolError) -> Self:
-        """The message of an error."""
+        """The message for an error."""
         return cls(int(error.code), error.field, error.value, error.expected)
 
     def _fields(self) -> dict[str, Any]:
@@ -535,7 +538,7 @@ _TYPES: dict[str, type[Message]] = {
 
 
 def encode(message: Message) -> bytes:
-    """The bytes of a message."""
+    """The bytes of a message (msgpack)."""
     data: bytes = msgpack.packb({"type": message.TYPE, **message._fields()}, use_bin_type=True)
     return data
 
@@ -545,11 +548,14 @@ def decode(data: bytes, kind: type[M], /, *, limit: int = ...) -> M: ...
 @overload
 def decode(data: bytes, *allowed: type[Message], limit: int = ...) -> Message: ...
 def decode(data: bytes, *allowed: type[Any], limit: int = MAX_MESSAGE_BYTES) -> Any:
-    """The message in `data`, one of `allowed` (any if none is named); raises nothing but ProtocolError."""
+    """The message in `data`, one of `allowed` (any type if none is given), of at most `limit` bytes.
+
+    Raises ProtocolError for everything that is wrong, and nothing else.
+    """
     if len(data) > limit:
         raise ProtocolError(CloseCode.TOO_BIG, "message", f"{len(data)} bytes", f"at most {limit} bytes")
     try:
-        large = len(data) > _LARGE  # slower than msgpack for what is small, but its time does not grow with binary data
+        large = len(data) > _LARGE  # `unpack` is slower for small messages, but its time does not grow with binary data
         fields = unpack(data) if large else msgpack.unpackb(data, raw=False, strict_map_key=True)
     except (ValueError, TypeError, OverflowError, msgpack.UnpackException) as error:
         message = str(error) or type(error).__name__
@@ -582,13 +588,13 @@ def _kind(reader: Reader) -> type[Message]:
 
 
 def vector_from_wire(axes: str, vector: Vector) -> Vector:
-    """A vector in a client's axes -> OMAF's."""
+    """A vector in a client's `axes` ("omaf" or "openxr"), converted to OMAF's."""
     x, y, z = vector
     return vector if axes == "omaf" else (-z, -x, y)
 
 
 def pose_from_wire(axes: str, position: Vector, orientation: Quaternion) -> Pose:
-    """A pose in a client's axes -> OMAF's."""
+    """A pose in a client's `axes` ("omaf" or "openxr"), converted to OMAF's."""
     if axes == "omaf":
         return Pose(position, orientation)
     x, y, z, w = orientation
@@ -596,7 +602,7 @@ def pose_from_wire(axes: str, position: Vector, orientation: Quaternion) -> Pose
 
 
 def pose_to_wire(axes: str, pose: Pose) -> tuple[Vector, Quaternion]:
-    """A pose in OMAF's axes -> position and orientation in a client's."""
+    """Position and orientation, in a client's `axes` ("omaf" or "openxr"), of a pose in OMAF's."""
     if axes == "omaf":
         return pose.position, pose.orientation
     (px, py, pz), (w, x, y, z) = pose.position, pose.orientation

@@ -1,4 +1,4 @@
-"""What all connections share: the live engine, the server's settings, who the source is."""
+"""The state that all connections share: the live engine, the server's settings, the current source."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from .settings import ServerSettings
 __all__ = ["CREDITS", "Service", "conversation", "race", "send"]
 
 _log = logging.getLogger(__name__)
-CREDITS = 2  # frames of a source: one being taken, one arriving or waiting; more would only be overtaken
+CREDITS = 2  # frames of a source: one is being taken, one arrives or waits; more would only be overtaken
 Hello = TypeVar("Hello", ViewerHello, SourceHello)
 
 
@@ -49,7 +49,7 @@ class Service:
     settings: ServerSettings
     session: str = field(default_factory=lambda: secrets.token_hex(4))
     started: float = field(default_factory=time.monotonic)
-    source: Inbox | None = None  # who has the place; where it has ended, until another comes
+    source: Inbox | None = None  # the source that has the place; after its end it stays here until another comes
     _numbers: Any = field(default_factory=lambda: count(1))
 
     def authorised(self, token: str) -> bool:
@@ -57,7 +57,7 @@ class Service:
         return hmac.compare_digest(token.encode(), self.settings.token.encode()) or not self.settings.token
 
     async def greet(self, socket: WebSocket, kind: type[Hello]) -> tuple[str, Hello]:
-        """Await a client's hello: its id here and what it said; raises ProtocolError."""
+        """Await a client's hello; returns the client's id in this session and the hello. Raises ProtocolError."""
         try:
             async with asyncio.timeout(self.settings.hello_timeout_s):
                 data = await receive(socket)
@@ -71,9 +71,9 @@ class Service:
 
     @asynccontextmanager
     async def place(self, source: Inbox) -> AsyncIterator[None]:
-        """The place of the one source, while the block runs; raises ProtocolError where another is there.
+        """Hold the place of the only source while the block runs; raises ProtocolError if another source is there.
 
-        One that has ended keeps nobody waiting: what is still done for it goes on beside the new one.
+        A source that has ended does not delay the next one, although work for it may still go on.
         """
         while self.source is not None and not self.source.ended:
             if await (other := self.source).is_there():
@@ -86,19 +86,19 @@ class Service:
                 self.source = None
 
     async def welcome(self, socket: WebSocket, client: str, memory: SharedMemory | None = None) -> None:
-        """Answer a hello that was in order; `memory` is what a source may write into."""
+        """Answer a valid hello; `memory` is the shared memory that a source may write into."""
         settings = dataclasses.asdict(self.settings.engine())
         limit = self.settings.max_message_bytes
         await send(socket, Welcome(self.session, client, settings, CREDITS, limit, memory))
 
     @property
     def rung(self) -> Rung:
-        """How pictures are rendered and encoded now; without a name where no frame rate is held."""
+        """The settings with which pictures are rendered and encoded now; without a name if no frame rate is held."""
         governor = self.live.governor
         return governor.rung if governor else Rung("", 1.0, self.settings.engine())
 
     def status(self, seconds: float = math.inf) -> dict[str, Any]:
-        """Figures for people and monitors; the longest stalls and pictures of the last so many seconds."""
+        """Figures for people and monitors; the longest stalls and pictures are those of the last `seconds`."""
         return {
             "session": self.session,
             "uptime_s": time.monotonic() - self.started,
@@ -114,7 +114,7 @@ async def send(socket: WebSocket, message: Message) -> None:
 
 @asynccontextmanager
 async def conversation(socket: WebSocket) -> AsyncIterator[None]:
-    """Accept a client; what it does wrong is told to it and ends this connection, nothing else."""
+    """Accept a client. An error is reported to this client and ends this connection, and no other."""
     await socket.accept()
     try:
         yield
@@ -137,11 +137,11 @@ async def _refuse(socket: WebSocket, error: ProtocolError) -> None:
         await send(socket, Error.of(error))
         await socket.close(int(error.code), reason)
     except (WebSocketDisconnect, RuntimeError):
-        _log.info("it was gone before it could be told")
+        _log.info("the client left before it received the error")
 
 
 async def race(*coroutines: Coroutine[Any, Any, None]) -> None:
-    """Run until one ends or fails; the others are cancelled and awaited."""
+    """Run all coroutines until one ends or fails; then cancel and await the others."""
     tasks = [asyncio.create_task(coroutine) for coroutine in coroutines]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

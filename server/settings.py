@@ -15,7 +15,7 @@ __all__ = ["ServerSettings"]
 
 
 class ServerSettings(BaseSettings):
-    """How to serve, and how the engine is to work. Loaded once."""
+    """Settings of the server and of its engine. Loaded once."""
 
     model_config = SettingsConfigDict(env_prefix="FARSIDE_", frozen=True)
 
@@ -31,8 +31,8 @@ class ServerSettings(BaseSettings):
     background: bool = True
     viewing_space: tuple[float, float, float, float] | None = None  # x, y, z and radius, metres
     jpeg_quality: int | None = Field(None, ge=1, le=100)
-    target_fps: float | None = Field(None, gt=0, le=1000)  # None: pictures are what they are, as fast as it goes
-    longest_update_s: float = Field(5.0, gt=0)  # video that does not keep up takes what pictures leave, but no longer
+    target_fps: float | None = Field(None, gt=0, le=1000)  # stereo pairs a second; None: no rate is held
+    longest_update_s: float = Field(5.0, gt=0)  # updates of the model give way to pictures for this long at most
     render_workers: int = Field(2, ge=1, le=64)
     max_viewers: int = Field(8, ge=1)
     max_message_bytes: int = Field(MAX_MESSAGE_BYTES, ge=1 << 16)
@@ -41,11 +41,11 @@ class ServerSettings(BaseSettings):
     log_level: Literal["critical", "error", "warning", "info", "debug"] = "warning"
 
     def engine(self) -> Settings:
-        """The engine's settings: the quality's preset with what was given on top."""
+        """The engine's settings: the preset of `quality`, changed by the options that were given."""
         return Settings.preset(self.quality, **self._given())
 
     def governor(self) -> Governor | None:
-        """What holds the frame rate that was asked for: the quality is the best that it chooses."""
+        """The governor that holds `target_fps` and chooses at most `quality`; None if no rate was given."""
         if self.target_fps is None:
             return None
         return Governor(make_ladder(self.quality, **self._given()), self.target_fps)

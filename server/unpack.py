@@ -1,4 +1,4 @@
-"""msgpack without copies: for messages of many megabytes, which the msgpack package copies with all else at a stop."""
+"""msgpack without copies, for messages of many megabytes: the msgpack package copies these while it holds the GIL."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 __all__ = ["unpack"]
 
 _DEEPEST = 32  # maps and arrays within one another; the protocol needs five
-_MOST = 10_000  # values in a message; a view has some thirty
+_MOST = 10_000  # values in a message; a view has about thirty
 # First byte -> how a number is stored.
 _NUMBERS = {
     0xCA: ">f", 0xCB: ">d", 0xCC: ">B", 0xCD: ">H", 0xCE: ">I", 0xCF: ">Q", 0xD0: ">b", 0xD1: ">h", 0xD2: ">i",
     0xD3: ">q",
 }  # fmt: skip
-# First byte -> what follows, and how its length is stored.
+# First byte -> the kind of value that follows, and how its length is stored.
 _SIZED = {
     0xC4: ("bin", ">B"), 0xC5: ("bin", ">H"), 0xC6: ("bin", ">I"),
     0xD9: ("str", ">B"), 0xDA: ("str", ">H"), 0xDB: ("str", ">I"),
@@ -24,9 +24,9 @@ _CONSTANTS = {0xC0: None, 0xC2: False, 0xC3: True}
 
 
 def unpack(data: bytes) -> Any:
-    """What msgpack.unpackb gives, with binary data as views of the message; ValueError for what is no message.
+    """The same value as msgpack.unpackb returns, but with binary data as memoryviews of `data`.
 
-    Maps have strings for keys. Extension types are refused, and more values than a message has.
+    Raises ValueError for malformed data, keys that are not strings, extension types, too many values or too deep maps.
     """
     reader = _Reader(data)
     value = reader.value(0)

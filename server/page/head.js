@@ -1,4 +1,4 @@
-// The head: where it is and where it looks, in WebXR's axes (x right, y up, -z forward), moved by keys and mouse.
+// The head: its position and orientation in WebXR's axes (x right, y up, -z forward), moved by keys and mouse.
 
 const SPEED = 0.6; // metres a second
 const TURN = 1.2; // radians a second, by arrow keys

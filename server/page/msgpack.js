@@ -1,4 +1,4 @@
-// As much of msgpack as the protocol needs: maps, arrays, strings, binary, numbers, true, false, nil.
+// The part of msgpack that the protocol needs: maps, arrays, strings, binary, numbers, true, false, nil.
 
 export function encode(value) {
   const bytes = [];

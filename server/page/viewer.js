@@ -1,4 +1,4 @@
-// Connects to the server, sends the head's pose, draws the stereo pairs that come back. Tries again when it ends.
+// Connects to the server, sends the head's pose, draws the stereo pairs that come back. Reconnects after a lost connection.
 
 import { decode, encode } from "./msgpack.js";
 import { Head } from "./head.js";
@@ -11,7 +11,7 @@ const canvas = element("picture");
 const head = new Head(canvas);
 const token = new URLSearchParams(location.search).get("token") ?? "";
 const state = { socket: null, scene: null, sent: 0, answered: 0, seen: 0, frame: -1, moved: performance.now(), times: [], latency: 0 };
-globalThis.farside = state; // for a look from the console
+globalThis.farside = state; // for inspection from the browser's console
 
 function connect() {
   const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/viewer`);
@@ -58,7 +58,7 @@ async function show(stereo) {
   const both = element("eyes").value === "both";
   const eyes = both ? [stereo.left, stereo.right] : [stereo.left];
   const pictures = await Promise.all(eyes.map((eye) => createImageBitmap(new Blob([eye.planes[0]], { type: "image/jpeg" }))));
-  state.answered = stereo.seq + 1; // what the server dropped in between does not come any more
+  state.answered = stereo.seq + 1; // poses before it that the server dropped get no picture
   state.seen += 1;
   canvas.width = stereo.width * pictures.length;
   canvas.height = stereo.height;

@@ -243,7 +243,7 @@ CAMERA = msgpack.unpackb(
         (
             CAMERA | {"cameras": CAMERA["cameras"] * 2},
             CloseCode.VALUE,
-            "cameras: v0: expected every camera's name",
+            "cameras: v0: expected different names of all cameras",
         ),
         (CAMERA | {"fps": 0}, CloseCode.VALUE, "fps: 0: expected a number from 0.01"),
         (

@@ -562,9 +562,9 @@ def test_a_source_on_the_same_machine_writes_frames_into_the_servers_memory(
     ("hello", "messages", "code", "says"),
     [
         (SOURCE, [written(0, 0, 0)], 4406, "buffer: 0: expected none"),
-        (SHARING, [written(0, 0, 7)], 4406, "buffer: 7: expected one of those given: 0, 1, 2"),
-        (SHARING, [written(0, 0, 0), written(1, 0, 1)], 4406, "buffer: 1: expected 0 for all of a frame"),
-        (SHARING, [written(k, 0, 0) for k in (0, 1)] + [written(0, 1, 0)], 4406, "buffer: 0: expected one of those"),
+        (SHARING, [written(0, 0, 7)], 4406, "buffer: 7: expected a free buffer: 0, 1, 2"),
+        (SHARING, [written(0, 0, 0), written(1, 0, 1)], 4406, "buffer: 1: expected 0 for all views of the frame"),
+        (SHARING, [written(k, 0, 0) for k in (0, 1)] + [written(0, 1, 0)], 4406, "buffer: 0: expected a free buffer"),
         (SHARING, [view(0, 0, texture=None, depth=None)], 4400, "texture: .*expected a map"),
     ],
     ids=["not shared", "no such buffer", "two buffers for a frame", "not given again", "neither sent nor shared"],
