@@ -90,7 +90,7 @@ def test_the_document_has_question_command_machine_commit_table_and_reading(runs
     command(tmp_path, only=ONLY, scale=0.05, frames=2)
     text = (tmp_path / "RESULTS.md").read_text()
     for said in (
-        "## How fast do people who move on leave the model?", "Machine: a machine. Commit: abc123.",
+        "## How fast do people who move on disappear from the model?", "Machine: a machine. Commit: abc123.",
         "`farside bench ghosts museum --scale 0.05 --frames 2 --report DIR`", "ghosts: 42.0 dB", "plot: DIR/plot.png",
         "Percent of pixels. Ghosts:",
         "`farside synth hijack HIJACK --scale 0.05 --frames 1; farside bench sparse HIJACK`",
