@@ -1,4 +1,4 @@
-"""Depth completion in plain loops over double precision: what `farside.engine.kernels.geometry.complete` computes."""
+"""Depth completion in plain loops in double precision, the oracle of `farside.engine.kernels.geometry.complete`."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 
 def spring(a, b):
-    """Strength of the bond between two cells (confidence, code, y, cb, cr)."""
+    """Strength of the bond between two cells a and b (confidence, code, y, cb, cr)."""
     return 1.0 / (1.0 + (np.abs(a[2:] - b[2:]).sum() / 32.0) ** 2)
 
 
 def halved(level):
-    """The next level [rows, columns, 5]: code of what is measured, colour of all; borders repeat."""
+    """The next level [rows, columns, 5]: codes are means of measured cells, colours of all cells; borders repeat."""
     h, w = level.shape[:2]
     out = np.zeros(((h + 1) // 2, (w + 1) // 2, 5))
     for j, i in np.ndindex(out.shape[:2]):
@@ -19,7 +19,7 @@ def halved(level):
         measured = [cell[1] for cell in cells if cell[0] == 1.0]
         out[j, i, 2:] = np.mean([cell[2:] for cell in cells], axis=0)
         if measured:
-            # Both halves of a cell at the border are the same cell: it counts twice.
+            # At the border a coarse cell's two halves are the same fine cell, which then counts twice.
             out[j, i, :2] = 1.0, np.mean(measured)
     return out
 
@@ -41,7 +41,7 @@ def pushed(coarse, cell, j, i):
 
 
 def relax(level, measured):
-    """One sweep over what is not measured, black cells of the chess board first."""
+    """One sweep over the cells that are not measured, black cells of the chess board first."""
     h, w = level.shape[:2]
     for colour in (0, 1):
         for j, i in np.ndindex(h, w):

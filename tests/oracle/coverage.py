@@ -9,7 +9,7 @@ from oracle.rays import delta_at
 def farther_pixels(view, earlier, delta, edge):
     """True where, in every earlier view that has four pixels around the point, one of these is without depth, or
     their surface is nearer than the point by more than the delta: at a depth edge (a step of disparity of more
-    than `edge`) the nearest of them, elsewhere what lies between."""
+    than `edge`) the nearest of them, elsewhere the surface between them."""
     keep = np.ones(view.codes.shape, bool)
     depth = view.camera.depth.depth(view.codes)
     for row, column in np.argwhere(np.isfinite(depth)):

@@ -1,4 +1,4 @@
-"""Samples of what two views both see, and the normal equations of their tones: one sample at a time, in NumPy."""
+"""Samples of surfaces that two views both see, and the normal equations of their tones: one sample at a time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ DARKEST, BRIGHTEST, REACH, SCALES = 72, 920, 2, 2.0
 
 
 def common_samples(one, two, columns, rows, edge, tolerance):
-    """Colours [n, 2, 3] relative to black and grey; edge and tolerance of both views, in codes."""
+    """Colours [n, 2, 3] relative to black and grey of common samples; edge and tolerance of both views, in codes."""
     out = []
     for v in range(rows):
         for u in range(columns):
@@ -56,7 +56,7 @@ def _bilinear(plane, at):
 
 
 def normal_equations(samples, one, two):
-    """information [3, 3, 3] and evidence [3, 3] of a pair's channels by its two tones [3, 3]."""
+    """information [3, 3, 3] and evidence [3, 3] of a pair's channels, from samples and the two views' tones [3, 3]."""
     information, evidence = np.zeros((3, 3, 3)), np.zeros((3, 3))
     lumas = [(samples[:, k, 0] - tone[0, 1]) / tone[0, 0] for k, tone in enumerate((one, two))]
     for channel in range(3):
@@ -76,7 +76,7 @@ def normal_equations(samples, one, two):
 
 
 def solve(information, evidence, nodes, weights, precision, expected):
-    """Tones' distances [n, 3, 3] from neutral: a dense matrix of all unknowns of a channel."""
+    """Differences of tones [n, 3, 3] from neutral, solved by a dense matrix of all unknowns of a channel."""
     count = len(expected)
     off = np.empty((count, 3, 3))
     for channel in range(3):

@@ -1,4 +1,4 @@
-"""What one view shows at a pixel of a picture, in double precision: its share and its luma (blending one view)."""
+"""A view's contribution to a pixel of a picture, in double precision: its share and its luma (blending one view)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from farside.engine.kernels.geometry.cuts import CUT_DOWN, CUT_RIGHT
 
 
 def look(view, cuts, edge, tolerance, eye, uv, disparity):
-    """(share, luma, (u, v), margin): the share is 0 where the view has another depth there, or none. `margin` is by how
-    many codes a decision could have gone the other way, at least."""
+    """(share, luma, (u, v), margin). The share is 0 if the view has another depth there, or none. `margin` is the
+    smallest change, in codes, with which a decision would go the other way."""
     camera, codes = view.camera, view.codes.astype(float)
     (u, v), depth = camera.project(eye.unproject(uv, 1.0 / disparity))
     h, w = codes.shape

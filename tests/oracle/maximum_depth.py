@@ -1,4 +1,4 @@
-"""Maximum depth images, one pixel after the other; and what is made of them, one point after the other."""
+"""Maximum depth images, one pixel after the other; and settled points of their meshes, one after the other."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def update(image, view, margin_m, margin_disparity):
-    """New (codes, luma, updated) of an image (codes, luma) that sees a view (codes, luma) of the same camera."""
+    """The new (codes, luma, updated) of an image (codes, luma) after a view (codes, luma) of the same camera."""
     coding = view.camera.depth
     codes, luma = image[0].copy(), image[1].copy()
     updated = np.zeros(codes.shape, bool)

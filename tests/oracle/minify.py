@@ -7,7 +7,7 @@ from farside.engine.kernels.geometry.cuts import CUT_DOWN, CUT_RIGHT
 
 
 def one_surface(codes, cuts, y, x):
-    """Of the 2x2 texels at (y, x), those that one gets to from the nearest without crossing a cut."""
+    """Those of the 2x2 texels at (y, x) that are connected with the nearest one without crossing a cut."""
     square = [(y, x), (y, x + 1), (y + 1, x), (y + 1, x + 1)]
 
     def joined(one, other):

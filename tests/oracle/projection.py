@@ -29,7 +29,7 @@ def project(camera, point):
 
 
 def unproject(camera, u, v, depth):
-    """The world point that a camera sees at (u, v) in some depth."""
+    """The world point that a camera sees at (u, v) and `depth`."""
     p = camera.projection
     if hasattr(p, "fx"):
         ray = np.array([1.0, (p.cx - u) / p.fx, (p.cy - v) / p.fy])

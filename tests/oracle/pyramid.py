@@ -6,12 +6,12 @@ import numpy as np
 
 
 def worth(disparity, farthest):
-    """Weight of a surface beside a farther one."""
+    """Weight of a surface next to a farther one."""
     return (farthest / disparity) ** 8
 
 
 def coarser(fine):
-    """The next level: means of 2 x 2 cells, those of farther surfaces first."""
+    """The next coarser level: means of 2 x 2 cells, in which farther surfaces weigh more."""
     h, w = fine.shape[:2]
     level = np.zeros(((h + 1) // 2, (w + 1) // 2, 5))
     for j, i in np.ndindex(level.shape[:2]):
@@ -25,7 +25,7 @@ def coarser(fine):
 
 
 def refined(coarse, fine):
-    """Colours [h, w, 3] of a level: what a cell lacks in weight comes from the four nearest cells of the coarser."""
+    """Colours [h, w, 3] of a level: a cell's missing weight goes to the four nearest cells of the coarser level."""
     colours = fine[..., 2:].astype(float)
     rows, columns = coarse.shape[:2]
     for j, i in np.ndindex(fine.shape[:2]):
@@ -42,6 +42,6 @@ def refined(coarse, fine):
 
 
 def _between(place, count):
-    """The first of the two cells round a place, and how far it is from there to the second; at a border all the way."""
+    """The first of the two cells around a place, and the fraction of the way to the second: 0 or 1 at a border."""
     first = int(np.clip(np.floor(place), 0, max(count - 2, 0)))
     return first, float(np.clip(place - first, 0, 1))

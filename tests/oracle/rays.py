@@ -6,7 +6,7 @@ import numpy as np
 
 
 def hit_distances(origin, direction, points, triangles):
-    """Distance along the ray to every triangle [m], nan where it is missed; the direction is taken as it is."""
+    """Distances [m] along the ray to all m triangles, in lengths of `direction`, nan where a triangle is missed."""
     a, b, c = (np.asarray(points, np.float64)[triangles[:, k]] for k in range(3))
     across = np.cross(direction, c - a)
     determinant = np.sum((b - a) * across, axis=1)
@@ -27,13 +27,13 @@ def pixel_ray(camera, u, v, origin=(0.0, 0.0, 0.0)):
 
 
 def farthest(camera, u, v, points, triangles):
-    """(distance, triangle) of the farthest hit behind (u, v); (nan, -1) where there is none."""
+    """(distance, triangle) of the farthest hit behind (u, v); (nan, -1) if there is none."""
     t = hit_distances(*pixel_ray(camera, u, v), points, triangles)
     return (np.nan, -1) if np.all(np.isnan(t)) else (float(np.nanmax(t)), int(np.nanargmax(t)))
 
 
 def delta_at(delta, distance):
-    """delta at a distance: metres, or an error of disparity (1/m) where that is more."""
+    """delta at a distance, metres: delta[0], or the error of disparity delta[1] (1/m) where that is more."""
     return max(delta[0], delta[1] * distance**2)
 
 
@@ -48,7 +48,7 @@ def marked(camera, uvs, points, triangles, delta):
 
 
 def background(cameras, samples, points, triangles, delta):
-    """[cameras, triangles]: whether a camera has nothing more than delta / 2 behind a sample point of a triangle."""
+    """[cameras, triangles]: whether a camera has no surface more than delta / 2 behind a sample point of a triangle."""
     result = np.zeros((len(cameras), len(triangles)), bool)
     for c, camera in enumerate(cameras):
         start = np.asarray(camera.pose.position)

@@ -1,4 +1,4 @@
-"""A renderer by the book: every pixel against every triangle, the nearest texel's colour, holes left grey."""
+"""A simple renderer: every pixel against every triangle, the nearest texel's colour, holes stay grey."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GREY = 512
 
 @dataclasses.dataclass
 class OracleRenderer:
-    """`rendering.renderer.Renderer`; remembers what it was asked."""
+    """Implements `rendering.renderer.Renderer` and remembers its calls."""
 
     asked: list = dataclasses.field(default_factory=list)
 
@@ -29,7 +29,7 @@ class OracleRenderer:
 
 
 class OracleFrame:
-    """`rendering.renderer.PreparedFrame`."""
+    """Implements `rendering.renderer.PreparedFrame`."""
 
     def __init__(self, renderer, content):
         self._renderer, self._content = renderer, content
@@ -60,7 +60,7 @@ class OracleFrame:
         return RenderedPicture(camera, texture, disparity.astype(np.float32), winner, report)
 
     def _draw(self, camera, prepared, number, disparity, winner, planes, where):
-        """Draw a view's surface where it is nearer than what is there, and where it may."""
+        """Draw a view's surface where it is nearer than what is drawn already, and where the mask `where` allows it."""
         mesh, view = prepared.mesh(), prepared.view
         if len(mesh.triangles) == 0:
             return

@@ -1,4 +1,4 @@
-"""Which surface behind a pixel still stands, the slow way: all hits of a ray in order, every view asked about each."""
+"""Which surface behind a pixel still stands, the slow way: every hit of a ray in order is tested in every view."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from oracle.rays import delta_at, hit_distances, pixel_ray
 
 
 def _texels(camera, codes, point, delta):
-    """Codes of the four texels round a point's image in a view, and its depth there; none where it has no image."""
+    """Codes of the four texels around a point's image in a view, and its depth there; no codes without an image."""
     (u, v), depth = camera.project(point)
     h, w = codes.shape
     if not (depth > delta_at(delta, depth) and 0.5 <= u <= w - 0.5 and 0.5 <= v <= h - 0.5):
@@ -17,14 +17,14 @@ def _texels(camera, codes, point, delta):
 
 
 def looks_through(camera, codes, point, delta):
-    """Whether a view's depths [h, w] are all more than delta behind the point, on the texels round its image."""
+    """Whether a view's depths on the texels around the point's image are all more than delta behind the point."""
     texels, depth = _texels(camera, codes, point, delta)
     limit = depth + delta_at(delta, depth)
     return bool(texels.size and np.all(camera.depth.depth(texels) > limit))  # nan: nothing known
 
 
 def shows(camera, edge, codes, point, delta):
-    """Whether those texels are one surface, with no step of more than `edge` codes, and it passes near the point."""
+    """Whether these texels are one surface, without a step of more than `edge` codes, within delta of the point."""
     texels, depth = _texels(camera, codes, point, delta)
     depths = camera.depth.depth(texels)
     if not texels.size or np.isnan(depths).any() or np.ptp(texels.astype(int)) > edge:
@@ -34,7 +34,7 @@ def shows(camera, edge, codes, point, delta):
 
 
 def standing(camera, u, v, near, meshes, views, delta):
-    """(distance, mesh, triangle) shown behind (u, v), nan where nothing is.
+    """(distance, mesh, triangle) of the surface shown behind (u, v); the distance is nan if there is none.
 
     meshes: (points, triangles, owner); views: (camera, edge, present, memory), owners index them.
     """

@@ -10,13 +10,13 @@ from farside.engine.kernels.rendering.structure import ANGLES, LEVELS, MIXED, SA
 
 
 def neighbours(shape, pixel):
-    """The eight pixels round one, as far as they are in the picture."""
+    """The eight pixels around a pixel, without those outside the picture."""
     around = ((pixel[0] + dy, pixel[1] + dx) for dy, dx in product((-1, 0, 1), repeat=2) if (dy, dx) != (0, 0))
     return [(y, x) for y, x in around if 0 <= y < shape[0] and 0 <= x < shape[1]]
 
 
 def spread(disparity, rise):
-    """The farthest and the nearest disparity round each hole pixel: relaxed until nothing changes."""
+    """The farthest and the nearest disparity around each hole pixel, relaxed until nothing changes."""
     holes = [tuple(p) for p in np.argwhere(disparity <= 0)]
     far, near = dict.fromkeys(holes, math.inf), dict.fromkeys(holes, -math.inf)
     while True:
@@ -31,7 +31,7 @@ def spread(disparity, rise):
 
 
 def layers_of(disparity, far, count):
-    """Sets of hole pixels from the rims of what goes on inwards."""
+    """Sets of hole pixels, layer by layer inwards from the rims of surfaces that continue into the hole."""
     def goes_on(hole, other):
         return 0 < disparity[other] <= SAME * far[hole]
 
@@ -50,7 +50,7 @@ def layers_of(disparity, far, count):
 
 
 def tensor_at_rim(disparity, luma, hole, limit):
-    """Sum of the gradients' outer products over squares of four pixels that go on."""
+    """Sum of the gradients' outer products over squares of four pixels of surfaces that continue."""
     (y0, x0), (h, w), tensor = hole, disparity.shape, np.zeros((2, 2))
     for y in range(max(y0 - WINDOW, 0), min(y0 + WINDOW, h - 1)):
         for x in range(max(x0 - WINDOW, 0), min(x0 + WINDOW, w - 1)):
@@ -63,7 +63,7 @@ def tensor_at_rim(disparity, luma, hole, limit):
 
 
 def continued(disparity, planes, rise, radius, sharpness, count):
-    """Planes with the first `count` layers coloured, and each hole pixel's layer (0 for those left alone)."""
+    """Planes with the first `count` layers coloured, and each hole pixel's layer (0 for pixels left as they are)."""
     disparity = np.asarray(disparity, float)
     planes = [np.array(plane, float) for plane in planes]
     far, near = spread(disparity, rise)
@@ -87,10 +87,10 @@ def continued(disparity, planes, rise, radius, sharpness, count):
 
 
 def weights_of(disparity, layer, hole, far, near, tensor, radius, sharpness):
-    """Weights of the pixels in a disc round a hole pixel."""
+    """Weights of the pixels in a disc around a hole pixel."""
     limit, reach = SAME * far[hole], int(radius)
     values, vectors = np.linalg.eigh(tensor)
-    angle = math.atan2(vectors[1, 0], vectors[0, 0])  # of least change
+    angle = math.atan2(vectors[1, 0], vectors[0, 0])  # direction of least change
     angle = round(angle * ANGLES / math.pi) * math.pi / ANGLES
     sureness = ((values[1] - values[0]) / (values.sum() + 1e-6)) ** 2
     sureness = round(sureness * (LEVELS - 1)) / (LEVELS - 1)

@@ -1,6 +1,6 @@
-"""Triangulation of depth codes, one quad after the other: which surface there is, not how it is merged.
+"""Triangulation of depth codes, one quad after the other: the surface, without the merging of triangles.
 
-A quad is cut into eighths by its diagonals and its middle lines: every half quad, every quarter round a corner
+A quad is cut into eighths by its diagonals and its middle lines: every half quad, every quarter around a corner
 and every merged triangle is a union of eighths. `covered` counts triangles over each of them.
 """
 
@@ -55,7 +55,7 @@ class Quads:
         return any(self.between(corners[k], corners[k - 1]) for k in range(4))
 
     def halves(self, x, y):
-        """The halves of a quad as (a, b, c), c at the right angle: diagonals join pixels with even x + y."""
+        """The halves of a quad as (a, b, c) with the right angle at c; diagonals join pixels with even x + y."""
         for c in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]:
             if sum(c) % 2:
                 yield (2 * x + 1 - c[0], c[1]), (c[0], 2 * y + 1 - c[1]), c
@@ -76,7 +76,7 @@ class Quads:
         return covered(half_quads, self.rows, self.columns)
 
     def rims(self):
-        """Eighths of the valid, kept corners' quarters of cut quads."""
+        """Eighths of cut quads that belong to the quarters of valid, kept corners."""
         out = np.zeros((self.rows, self.columns, 8), int)
         for y, x in np.ndindex(self.rows, self.columns):
             if self.is_cut(x, y):
@@ -102,7 +102,7 @@ def barycentric(triangle, points):
 
 
 def covered(triangles, rows, columns):
-    """How many of the triangles, three (u, v) from the first pixel's centre, cover each eighth."""
+    """For each eighth, the number of triangles (three (u, v) from the first pixel's centre) that cover it."""
     corners = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1)
     points = corners[:, :, None] + EIGHTHS
     count = np.zeros(points.shape[:3], int)

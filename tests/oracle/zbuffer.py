@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# How far rays beside a pixel's centre go, in pixels: where they do not meet the same triangle the pixel lies on a
-# side, and rounding decides.
+# Offset of extra rays from a pixel's centre, in pixels: if they do not hit the same triangle, the pixel lies on a
+# triangle's side, and rounding decides.
 BESIDE_PX = 4e-3
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Disparity [h, w] (0 where nothing is hit) and the triangle hit (-1), and how sure of it a rasteriser can be."""
+    """Disparity [h, w] (0: nothing is hit), triangle hit (-1: none), and where a rasteriser must agree on each."""
 
     disparity: np.ndarray
     triangle: np.ndarray
@@ -45,14 +45,14 @@ def _radians_a_pixel(camera):
 
 
 def _nearest(camera, directions, points, triangles, near):
-    """Depth along directions [h, w, 3] and number of the nearest front face, inf and -1 where there is none."""
+    """Depth along directions [h, w, 3] and index of the nearest front face, inf and -1 where there is none."""
     rays = directions.reshape(-1, 3)
     a, b, c = np.moveaxis(np.asarray(points, float)[triangles] - camera.pose.position, 1, 0)
     normals = np.cross(b - a, c - a)
     volumes = np.sum(a * normals, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = volumes / (rays @ normals.T)  # [pixels, triangles]
-    hit = (volumes < 0) & (depth > near)  # from the front, before the eye
+    hit = (volumes < 0) & (depth > near)  # hit from the front, and in front of the eye
     for p, q in ((a, b), (b, c), (c, a)):
         hit &= rays @ np.cross(q, p).T >= 0
     depth = np.where(hit, depth, np.inf)

@@ -1,4 +1,4 @@
-"""The project's own files, as a clone of it would have them."""
+"""The project's own files, as a fresh clone has them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ _NOT_SOURCES = shutil.ignore_patterns(
 
 
 def copy_checkout(target: Path) -> Path:
-    """A copy without what building and testing leave behind, so that nothing stale gets into a wheel."""
+    """A copy without the files that building and testing leave behind, so that nothing stale gets into a wheel."""
     shutil.copytree(ROOT, target, symlinks=True, ignore=_NOT_SOURCES)
     return target

@@ -1,4 +1,4 @@
-"""A deterministic core: flat pictures that tell the frame and the pose, updates that wait to be released."""
+"""A deterministic core: flat pictures from which frame and pose can be read, updates that wait to be released."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def a_frame(index: int, cameras: tuple[Camera, ...] = CAMERAS) -> Frame:
 
 @dataclass
 class Gate:
-    """Holds threads up until opened; opened unless closed."""
+    """Makes threads wait while it is closed; it is open at first."""
 
     _open: threading.Event = field(default_factory=threading.Event)
     entered: threading.Event = field(default_factory=threading.Event)

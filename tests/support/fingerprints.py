@@ -1,11 +1,11 @@
-"""Hashes of what the command line writes: whether two versions of Farside make the same pictures, bit for bit.
+"""Hashes of the command line's output: they show whether two versions of Farside make the same pictures, bit for bit.
 
     python tests/support/fingerprints.py .venv/bin/farside [OTHER/bin/farside] [--folder DIR]
 
-Each program renders virtual cameras and a stereo pair along a head's way, and exports the background model, for two
-twins and, where the shared sequences are, Atrium and Table, with each quality. With two programs the table says where
+Each program renders virtual cameras and stereo pairs along a head's path, and exports the background model, for two
+twins and, if the shared sequences exist, Atrium and Table, with each quality. With two programs the table shows where
 they differ, and the exit status is 1 if they do anywhere. Only names of the fixed command line are used, so that
-versions of any inner structure can be compared. The twins are made once, by the first program.
+versions with different inner structure can be compared. The twins are made once, by the first program.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ QUALITIES = ("fast", "balanced", "best")
 
 
 def run(farside: Path, *arguments: object) -> None:
-    """Run a command of the program; raises CalledProcessError where it fails."""
+    """Run a command of the program; raises CalledProcessError if it fails."""
     subprocess.run([farside, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def sequences(farside: Path, folder: Path) -> Iterator[Path]:
-    """Folders of the sequences; twins that are not there yet are made."""
+    """Folders of the sequences; missing twins are made."""
     for name in ("Atrium", "Table"):
         if (SHARED / "sequences" / name).is_dir():
             yield SHARED / "sequences" / name
@@ -43,19 +43,19 @@ def sequences(farside: Path, folder: Path) -> Iterator[Path]:
 
 
 def virtual_cameras(sequence: Path) -> list[str]:
-    """Names of the cameras of a sequence that are no sources: t0, t1 and so on."""
+    """Names of a sequence's cameras that are not sources: t0, t1 and so on."""
     description = json.loads(next(sequence.glob("*.json")).read_text())
     return [camera["Name"] for camera in description["cameras"] if camera["Name"].startswith("t")]
 
 
 def write_trace(path: Path) -> None:
-    """A head that moves aside, up and round in twelve steps."""
+    """Write the trace of a head that moves sideways and up, and turns, in twelve steps."""
     rows = [f"{0.01 * k},{0.02 * k},{0.005 * k},{3.0 * k},{-k},{0.5 * k}" for k in range(FRAMES)]
     path.write_text("\n".join(["X,Y,Z,Yaw,Pitch,Roll", *rows]) + "\n")
 
 
 def fingerprints(farside: Path, sequence: Path, folder: Path) -> dict[str, str]:
-    """SHA-256 of each file that a program writes for a sequence, by quality and file name."""
+    """SHA-256 of each file that the program `farside` writes for a sequence, by quality and file name."""
     write_trace(folder / "head.csv")
     found = {}
     for quality in QUALITIES:
@@ -73,7 +73,7 @@ def fingerprints(farside: Path, sequence: Path, folder: Path) -> dict[str, str]:
 
 
 def main() -> int:
-    """Print the table; 1 where two programs differ."""
+    """Print the table; returns 1 if two programs differ."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("farside", type=Path, nargs="+", help="one or two programs")
     parser.add_argument("--folder", type=Path, help="where the twins are kept; default: made anew")

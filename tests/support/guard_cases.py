@@ -1,7 +1,7 @@
-"""Random cases for kernels under guarded memory (`guarded`), run in a process of their own, which a fault may kill.
+"""Random cases for kernels under guarded memory (`guarded`), run in a process of their own, because a fault kills it.
 
-A case is a function of a random generator; it returns how much of what it is meant for came about, so that who asks can
-tell that it was not in vain. As a script this reads requests from standard input, a line of JSON each (case, seed,
+A case is a function of a random generator. It returns counts of what it was meant to exercise, so that the caller can
+check that it was not in vain. As a script this reads requests from standard input, a line of JSON each (case, seed,
 flush), and answers with a line each: {"case", "seed", "flush", "counts", "called"}.
 """
 
@@ -49,14 +49,14 @@ __all__ = ["CASES", "HANGS_S"]
 Counts = dict[str, float]
 Rng = np.random.Generator
 
-HANGS_S = 900.0  # a case that takes longer is taken to hang: where nothing is compiled yet, the first ones do that
+HANGS_S = 900.0  # a case that takes longer counts as hanging; the first ones may compile everything
 ORIGIN = np.zeros(3)
-# The smallest allowed, odd ones, and those next to multiples of what kernels work on at once.
+# The smallest allowed sizes, odd ones, and those next to multiples of the kernels' vector and tile sizes.
 SIZES = (
     4, 5, 6, 7, 9, 12, 15, 16, 17, 20, 31, 32, 33, 34, 35, 47, 48, 49, 63, 64, 65, 66, 80, 95, 96, 97, 127, 128, 129,
 )  # fmt: skip
 SMALL = tuple(size for size in SIZES if size <= 66)
-_ROOM = np.array([4.0, 5.0, 3.0])  # half the sides of a box round the origin, metres
+_ROOM = np.array([4.0, 5.0, 3.0])  # half the sides of a box around the origin, metres
 
 # Views
 
@@ -66,7 +66,7 @@ def any_size(rng: Rng, sizes: tuple[int, ...] = SIZES) -> tuple[int, int]:
 
 
 def any_projection(rng: Rng, sizes: tuple[int, ...] = SIZES) -> Perspective | Equirectangular:
-    """Perspective, mirrored and off centre too; spheres, parts or whole."""
+    """A perspective projection, sometimes mirrored or off centre, or a whole or partial sphere."""
     w, h = any_size(rng, sizes)
     kind = rng.integers(4)
     if kind < 2:
@@ -79,7 +79,7 @@ def any_projection(rng: Rng, sizes: tuple[int, ...] = SIZES) -> Perspective | Eq
 
 
 def any_pose(rng: Rng, reach: float = 0.6) -> Pose:
-    """Within a reach of the origin, mostly looking along x."""
+    """A pose within `reach` metres of the origin, mostly looking along x."""
     turn = rng.uniform(-0.4, 0.4, 3) if rng.random() < 0.6 else rng.uniform(-math.pi, math.pi, 3)
     return Pose.from_euler(rng.uniform(-reach, reach, 3), *turn)
 
@@ -94,7 +94,7 @@ def any_camera(rng: Rng, name: str, sizes: tuple[int, ...] = SIZES) -> Camera:
 
 
 def room_depth(camera: Camera, ball: np.ndarray) -> np.ndarray:  # [h, w]
-    """Depth of a box's inside, and of a ball of half a metre in it."""
+    """Depth of the inside of a box, with a ball of half a metre in it."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     place = np.array(camera.pose.position)
     rays = camera.unproject(np.stack([u, v], -1), np.ones(u.shape)) - place
@@ -107,7 +107,7 @@ def room_depth(camera: Camera, ball: np.ndarray) -> np.ndarray:  # [h, w]
 
 
 def any_codes(rng: Rng, camera: Camera, ball: np.ndarray) -> np.ndarray:
-    """What the camera sees of a room; with holes, with noise; or what no camera sees."""
+    """Depth codes of a room, some with holes or noise; or codes that no camera would produce."""
     shape, most = (camera.height, camera.width), camera.depth.max_code
     kind = rng.integers(12)
     if kind == 0:
@@ -129,7 +129,7 @@ def any_codes(rng: Rng, camera: Camera, ball: np.ndarray) -> np.ndarray:
 
 
 def any_plane(rng: Rng, shape: tuple[int, int]) -> np.ndarray:
-    """Flat, rough, waves, or flat with stripes a little inside the borders, where what is rough may begin."""
+    """A plane: flat, rough, waves, or flat with stripes a little inside the borders, where rough blocks may begin."""
     kind = rng.integers(6)
     if kind > 3:
         plane, stripes = np.full(shape, 500, np.uint16), rng.integers(64, 940, shape)
@@ -156,7 +156,7 @@ def any_texture(rng: Rng, h: int, w: int, flush: str) -> Texture:
 
 
 def any_view(rng: Rng, camera: Camera, flush: str, ball: np.ndarray) -> View:
-    """A view whose planes are guarded, or lie as in a buffer that other processes write."""
+    """A view whose planes are guarded, or lie in memory as in a buffer that other processes write."""
     texture, codes = any_texture(rng, camera.height, camera.width, flush), any_codes(rng, camera, ball)
     if rng.random() < 0.2:
         memory = guarded(np.zeros(frame_memory.frame_bytes([camera]), np.uint8), flush)
@@ -182,7 +182,7 @@ def any_options(rng: Rng) -> TriangulationOptions:
 
 
 def any_target(rng: Rng, views: list[View]) -> Camera:
-    """Near the views, turned or not, from behind, past their borders, wide or narrow."""
+    """A camera near the views: turned or not, from behind, looking past their borders, wide or narrow."""
     like = views[rng.integers(len(views))].camera
     kind = rng.choice([0, 1, 1, 2, 3, 3])
     if kind == 0:
@@ -228,7 +228,7 @@ def shading(rng: Rng, flush: str) -> Counts:
         for part in ("doubtful", "rims"):
             canvas.draw_holes(part, prepared[:n], target, 0.001)
         if behind:
-            canvas.draw_holes("surface", prepared[n:], target, 0.001)  # as if it were the first view: as others do
+            canvas.draw_holes("surface", prepared[n:], target, 0.001)  # as if it were the first view
         table = ViewTable(prepared, any_tones(rng, len(prepared)), drawn=n)
         canvas.shade(
             target, table, n, int(rng.integers(1, 6)), cubic=bool(rng.integers(2)), prefilter=bool(rng.integers(2))
@@ -318,7 +318,7 @@ def any_head(rng: Rng) -> StereoView:
 
 
 def any_rig(rng: Rng, sizes: tuple[int, ...] = SMALL) -> list[Camera]:
-    """Cameras that look about the same way; spheres among them."""
+    """Cameras that look in about the same direction, some of them spherical."""
     cameras = [any_camera(rng, f"v{k}", sizes) for k in range(rng.integers(1, 5))]
     if rng.random() < 0.7:  # views of one size and kind that overlap, for exposure
         p = Perspective.from_fov(*any_size(rng, sizes), 1.3)
@@ -330,7 +330,7 @@ def any_rig(rng: Rng, sizes: tuple[int, ...] = SMALL) -> list[Camera]:
 
 
 def frames(rng: Rng, cameras: list[Camera], flush: str, count: int) -> list[Frame]:
-    """A ball that moves through a room, with holes and noise now and then; a camera may move as well."""
+    """Frames of a ball that moves through a room, sometimes with holes and noise; a camera may move as well."""
     out, ball = [], any_ball(rng)
     for index in range(count):
         ball = ball + np.array([0.0, 0.35, 0.0])
@@ -373,7 +373,7 @@ def pipeline(rng: Rng, flush: str) -> Counts:
 
 
 def uncovering(rng: Rng, flush: str) -> Counts:
-    """A ball goes away in two steps: what is behind it becomes background, and then what was behind that."""
+    """A ball leaves in two steps: the surface behind it becomes background, then the surface behind that one."""
     p = Perspective.from_fov(*any_size(rng, (47, 64, 65)), 1.2)
     coding = DepthCoding(0.3, 50.0, 16, has_invalid=True)
     cameras = [Camera(f"v{k}", p, Pose((0.0, 0.1 * k, 0.0)), coding) for k in range(3)]
@@ -394,7 +394,7 @@ def uncovering(rng: Rng, flush: str) -> Counts:
 
 
 def hostile(rng: Rng, flush: str) -> Counts:
-    """As `pipeline`, with numbers that nobody means but that may come in: it may refuse them, not fault or hang."""
+    """Like `pipeline`, with absurd numbers that may come from outside: it may refuse them, but not fault or hang."""
     cameras = any_rig(rng)
     for _ in range(rng.integers(0, 3)):
         k = rng.integers(len(cameras))
@@ -421,7 +421,7 @@ def hostile(rng: Rng, flush: str) -> Counts:
 
 
 def absurd_pose(rng: Rng, pose: Pose) -> Pose:
-    """Far away in some direction, up to where squares are infinite."""
+    """The pose moved far away in some direction, up to where squares are infinite."""
     scale = 10.0 ** float(rng.choice([3, 7, 12, 19, 30, 38, 100, 155, 300]))
     place = rng.choice([-1.0, 0.0, 1e-3, 1.0], 3) * scale
     return dataclasses.replace(pose, position=tuple(float(x) for x in place))
@@ -444,7 +444,7 @@ def absurd_camera(rng: Rng, camera: Camera) -> Camera:
     return dataclasses.replace(camera, projection=narrow)
 
 
-# Numbers that are none, or too large to be converted to integers, where kernels make indices or bounds of them
+# NaN, infinite or too large numbers, where kernels convert them to integers for indices or bounds
 
 
 def far_triangles(rng: Rng, flush: str) -> Counts:
@@ -461,7 +461,7 @@ def far_triangles(rng: Rng, flush: str) -> Counts:
 
 
 def at_the_eye(rng: Rng, flush: str) -> Counts:
-    """Pixels so near that their points are the eye of the view that drew them: it has no place for them."""
+    """Pixels so near that their points are the eye of the view that drew them: they have no image in it."""
     projection = any_projection(rng)
     camera = Camera("v", projection, Pose(), DepthCoding(0.1, 10.0))
     view = View(camera, any_texture(rng, camera.height, camera.width, flush), any_codes(rng, camera, any_ball(rng)))
@@ -477,7 +477,7 @@ def at_the_eye(rng: Rng, flush: str) -> Counts:
 
 
 def no_colours(rng: Rng, flush: str) -> Counts:
-    """Structure of what has no numbers for colours."""
+    """Structure-based filling of colours that are NaN."""
     shape = any_size(rng)
     planes = tuple(np.full(shape, rng.choice([np.nan, np.inf, 1e30]), np.float32) for _ in range(3))
     disparity = (rng.random(shape) < 0.6).astype(np.float32)
@@ -486,7 +486,7 @@ def no_colours(rng: Rng, flush: str) -> Counts:
 
 
 def lost_points(rng: Rng, flush: str) -> Counts:
-    """Points of a mesh that are nowhere, or where the camera is, settle."""
+    """Settling of a mesh's points that are NaN or at the camera's position."""
     camera = any_camera(rng, "v")
     codes = any_codes(rng, camera, any_ball(rng))
     view = View(camera, any_texture(rng, camera.height, camera.width, flush), codes)
@@ -499,7 +499,7 @@ def lost_points(rng: Rng, flush: str) -> Counts:
 
 
 def beyond(rng: Rng, flush: str) -> Counts:
-    """No case: reads an element beyond a guarded array, which must be the end of the process."""
+    """Not a case: reads an element beyond a guarded array, which must end the process."""
     array = guarded(np.arange(1000, dtype=np.uint16), flush)
     step = array.itemsize if flush == "end" else -array.itemsize
     at = array.ctypes.data + (array.nbytes - array.itemsize if flush == "end" else 0)
@@ -507,7 +507,7 @@ def beyond(rng: Rng, flush: str) -> Counts:
 
 
 def hanging(rng: Rng, flush: str) -> Counts:
-    """No case: never ends."""
+    """Not a case: never ends."""
     while True:
         time.sleep(0.1)
 
@@ -527,7 +527,7 @@ def run(name: str, seed: int, flush: str) -> tuple[Counts, set[str]]:
 
 
 def main() -> None:
-    """Answer requests until there are no more."""
+    """Answer requests from standard input until it ends."""
     faulthandler.enable(all_threads=True)
     warnings.simplefilter("ignore")
     answers = os.fdopen(os.dup(1), "w")

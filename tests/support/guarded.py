@@ -1,15 +1,15 @@
-"""Memory that ends where an array does: whoever reads or writes a byte beyond it is killed at once.
+"""Memory that ends where an array ends: a process that reads or writes a byte beyond it is killed at once.
 
-Kernels reach planes by address, and an index that is off by one reads what happens to lie there: other pictures, now
-and then, or nothing, when the process dies. `guarded` puts an array between two pages that may not be touched, so that
+Kernels access planes by address, and an index that is off by one reads whatever happens to be there: mostly other
+pictures, sometimes no memory, and then the process dies. `guarded` puts an array between two forbidden pages, so that
 any such access is a fault, and `guarding` does it for whole pipelines:
 
 - what the engine's modules allocate through `np` (codes, cuts, levels, canvases, maximum depth images, ...) is guarded:
   kernels reach these arrays through tables of addresses;
 - every array that is handed to a compiled kernel is replaced by a guarded copy for the length of the call.
 
-A fault kills the process. Cases run in a child (`guard_cases`), which tells before each one which it is.
-What kernels allocate for themselves (rooms, rows, scratch) is not guarded.
+A fault kills the process. Cases run in a child process (`guard_cases`), which is sent the name of each case first.
+Memory that kernels allocate for themselves (rooms, rows, scratch) is not guarded.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ _MAKERS = (
     "arange", "array", "ascontiguousarray", "concatenate", "empty", "empty_like", "full", "full_like", "linspace",
     "ones", "ones_like", "repeat", "stack", "tile", "where", "zeros", "zeros_like",
 )  # fmt: skip
-# Not the service, nor what measures: evaluation and twins read no planes by address but through these.
+# The service, evaluation and twins are left out: they read planes by address only through these modules.
 _TILES: dict[int, weakref.ref[np.ndarray]] = {}  # arrays of `tiles.new_tiles`, by id
 _APART = ("farside.engine.evaluation", "farside.engine.synth", "farside.engine.kernels")
 
 
 def guarded(array: np.ndarray, flush: str = "end") -> np.ndarray:
-    """A C-contiguous array of the same content that borders on a page which must not be touched.
+    """A C-contiguous array of the same content, next to a page that must not be touched.
 
     flush: "end": the page comes right behind the last byte; "start": it ends right before the first one. The other end
     is up to a page away from such a page, too. The memory is given back when the array and its views are dropped.
@@ -123,7 +123,7 @@ def _copy(array: np.ndarray, flush: str) -> np.ndarray:
     known = _TILES.get(id(array))
     if known is None or known() is not array:
         return guarded(array, flush)
-    # Tiles have a few bytes more, which kernels may read (`tiles.new_tiles`).
+    # Tiles have a few extra bytes at the end, which kernels may read (`tiles.new_tiles`).
     room = guarded(np.zeros(array.size + BEYOND, np.uint8), flush)
     room[: array.size] = array.ravel()
     return room[: array.size].reshape(array.shape)
@@ -187,7 +187,7 @@ def _attributes_of(module: types.ModuleType) -> dict[str, set[str]]:
 
 @contextmanager
 def guarding(flush: str, called: set[str]) -> Iterator[None]:
-    """Guard what the engine allocates and what its kernels are given; `called` gets the names of the kernels called.
+    """Guard the engine's arrays and the arguments of its kernels; names of called kernels are added to `called`.
 
     All modules that are to be guarded must have been imported.
     """
@@ -222,7 +222,7 @@ def guarding(flush: str, called: set[str]) -> Iterator[None]:
 
 @contextmanager
 def _known_arrays(flush: str) -> Iterator[None]:
-    """Guard the flags that triangulators copy, and note which arrays are tiles."""
+    """Guard the flags that triangulators copy, and record which arrays are tiles."""
     from farside.engine.geometry.triangulation import Triangulator
     from farside.engine.rendering import canvas, tiles
 

@@ -1,4 +1,4 @@
-"""Background models of the small rooms, and meshes to cast rays at."""
+"""Background models of the small rooms, and meshes for tests of rays."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def model_of(cameras, first, settings=SETTINGS):
 
 
 def pbi_of(model, camera):
-    """Depth in metres (nan: a hole) and luma of the background seen from a camera, without the outermost pixels:
-    a view's triangles end at the centres of its own."""
+    """Depth in metres (nan: a hole) and luma of the background seen from a camera, without the outermost pixels,
+    because a view's triangles end at the centres of its outermost pixels."""
     view = model.render_pbi(camera).view
     return view.camera.depth.depth(view.codes)[1:-1, 1:-1], view.texture.y[1:-1, 1:-1]
 
 
 def near_points(model, limit=WALL_X - 0.5):
-    """Corners of valid triangles that stand before the wall."""
+    """Corners of valid triangles in front of the wall."""
     mesh = model.mesh()
     return mesh.vertices[mesh.vertices[:, 0] < limit]
 

@@ -1,4 +1,4 @@
-"""Recordings that are not files: one in memory, and one that refuses everything outside the protocol."""
+"""Recordings that are not files: one in memory, and one that has nothing but the protocol's names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NAMES = {name for name in vars(Recording) if not name.startswith("_")}
 
 
 class MemoryRecording:
-    """Frames in a list, truth in a dictionary; counts how it is read."""
+    """Frames in a list, truth in a dictionary; records in which order it is read."""
 
     name, fps = "in memory", 20.0
 
@@ -60,7 +60,7 @@ class MemoryRecording:
 
 
 class Bare:
-    """Another recording, of which only the names of the protocol can be used."""
+    """A wrapper of a recording that only has the names of the protocol."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording

@@ -1,4 +1,4 @@
-"""Small analytic scenes: a wall, and a box before it, seen by perspective cameras in a row."""
+"""Small analytic scenes: a wall and a box in front of it, seen by perspective cameras in a row."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from farside.engine.rig.frame import Frame, Texture, View
 
 WALL_X, BOX_X = 4.0, 2.5
 WALL_Y, BOX_Y = 300, 800  # luma codes
-FAR_X, NEAR_X, POST_X = 6.0, 3.0, 1.5  # two walls, of which the nearer has a window, and a post before them
+FAR_X, NEAR_X, POST_X = 6.0, 3.0, 1.5  # two walls, the nearer one with a window, and a post in front of them
 FAR_Y, NEAR_Y, POST_Y = 700, 300, 900
 WINDOW = 0.5  # half of the side of the square hole in the nearer wall
 CODING = DepthCoding(0.5, 20.0, 16, has_invalid=True)
@@ -24,7 +24,7 @@ def camera_row(count=3, size=(96, 64), spacing=0.4, fov=1.2):
 
 
 def see(camera, box_y=None, half=0.3, *, wall=True):
-    """A view of the wall, and of a square of the given half size at BOX_X where `box_y` is given."""
+    """A view of the wall and, if `box_y` is given, of a square at BOX_X with half its side `half`, metres."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     start, rays = np.array(camera.pose.position), camera.unproject(np.stack([u, v], -1), np.ones_like(u))
     rays = rays - start
@@ -40,7 +40,7 @@ def see(camera, box_y=None, half=0.3, *, wall=True):
 
 
 def texture_of(luma):
-    """A texture with the given luma, and chroma that says the same: half of it, and half of it plus one."""
+    """A texture with the given luma; Cb is half of it and Cr is half of it plus one."""
     luma = np.asarray(luma, np.uint16)
     chroma = luma[::2, ::2] // 2
     return Texture(luma, chroma, (chroma + 1).astype(np.uint16))
@@ -52,7 +52,7 @@ def frame(index, cameras, box_y=None, **options):
 
 
 def wall_with_window(camera, post=False):
-    """A view of two parallel walls, of which the nearer has a square hole; and of a post before them."""
+    """A view of two parallel walls, the nearer one with a square hole; with `post`, of a post in front of them, too."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     start, points = np.array(camera.pose.position), camera.unproject(np.stack([u, v], -1), np.ones_like(u))
     rays = points - start

@@ -20,7 +20,7 @@ HANG_S = 60.0
 
 @contextmanager
 def running(make_core: Callable[[Source], Core] | None = None, **given: Any) -> Iterator[str]:
-    """Its address; when the block ends the server has shut down in order."""
+    """Yields the server's address; after the block the server has shut down in order."""
     settings = ServerSettings(**({"port": 0} | given))
     server = make_server(settings, make_core)
     with listen(settings) as listening:

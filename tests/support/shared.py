@@ -1,4 +1,4 @@
-"""Where the shared test material lies: beside the checkout, or at FARSIDE_SHARED; no part of the project."""
+"""The folder of shared test material: next to the checkout, or FARSIDE_SHARED. It is not part of the project."""
 
 from __future__ import annotations
 

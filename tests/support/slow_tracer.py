@@ -1,7 +1,7 @@
-"""A ray tracer that asks every triangle about every ray, in float64: the second one behind the seam of the first.
+"""A ray tracer that tests every triangle against every ray, in float64: a second implementation of the same interface.
 
-It works on the surfaces, captures and views that it is given, not on addresses, and knows nothing of Embree or of the
-kernels that call it. For perspective cameras.
+It works on surfaces, captures and views, not on addresses, and uses neither Embree nor the
+kernels that call Embree. For perspective cameras only.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def place_of(packed):
 
 
 def direction_of(packed, u, v):
-    """The way from a packed perspective camera to a depth of 1 behind (u, v)."""
+    """The vector from a packed perspective camera to the point at depth 1 behind (u, v)."""
     rotation = packed[ROTATION : ROTATION + 9].reshape(3, 3)
     return rotation @ [1.0, (packed[CX] - u) / packed[FX], (packed[CY] - v) / packed[FY]]
 
@@ -128,7 +128,7 @@ class SlowTracer:
         return counts
 
     def _shown(self, start, direction, near, present, delta):
-        """(distance, surface, triangle) of what is shown along a unit direction, None where nothing is."""
+        """(distance, surface, triangle) of the surface shown along a unit direction, None if there is none."""
         hits = self._hits(start, direction)
         if present.views is None:
             return hits[-1] if hits else None

@@ -1,4 +1,4 @@
-"""Attributes made when first asked for: once, and with no thread waiting for what another makes."""
+"""Attributes made at the first access: once, and without a thread that waits for another attribute."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Small runs of all kernels whose results can be compared: compiled, and where nothing is (NUMBA_DISABLE_JIT=1).
+"""Small runs of all kernels, to compare their results compiled and not compiled (NUMBA_DISABLE_JIT=1).
 
     NUMBA_DISABLE_JIT=1 python -m support.uncompiled_cases OUT.npz
 
-writes the arrays of all cases, and `modules`: the files of kernels of which something ran, as a profiler sees it.
+writes the arrays of all cases, and `modules`: the kernel files of which any function ran, according to a profiler.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ OPTIONS = TriangulationOptions(0.01, 0.2)
 
 
 def view(projection: Perspective | Equirectangular, y: float, seed: int = 0) -> View:
-    """A wall, a ball before it and a few pixels without depth, as a camera at (0, y, 0) sees them."""
+    """A view by a camera at (0, y, 0) of a wall, a ball in front of it and a few pixels without depth."""
     rng = np.random.default_rng(seed)
     camera = Camera(f"v{seed}", projection, Pose((0.0, y, 0.0)), CODING)
     h, w = camera.height, camera.width
@@ -90,12 +90,12 @@ def solids() -> Iterator[tuple[str, np.ndarray]]:
         np.zeros((16, 22), np.uint16),
     )  # fmt: skip
     trace_picture(camera.packed(), CODING.packed(), scene, 0, 1, out)
-    trace_picture(camera.packed(), CODING.packed(), scene, 1, 1, out)  # only blocks that meet later groups
+    trace_picture(camera.packed(), CODING.packed(), scene, 1, 1, out)  # only blocks that later groups touch
     yield from zip(TracedPicture._fields, out, strict=True)
 
 
 def meshes() -> Iterator[tuple[str, np.ndarray]]:
-    """Triangulated views: error-bounded, two triangles a quad, masked, rims; again after a change."""
+    """Triangulated views: error-bounded, two triangles for each quad, masked, with rims; again after a change."""
     for projection in (FLAT, ROUND):
         seen = view(projection, 0.0)
         keep = np.zeros(seen.codes.shape, np.uint8)
@@ -118,7 +118,7 @@ def meshes() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def completed() -> Iterator[tuple[str, np.ndarray]]:
-    """Depth where there was none."""
+    """Completed depth."""
     result = complete(view(FLAT, 0.0), 0.2)
     yield "codes", result.codes
     assert result.doubtful is not None
@@ -126,7 +126,7 @@ def completed() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def pictures() -> Iterator[tuple[str, np.ndarray]]:
-    """Three views drawn, a backdrop, shading in its variants, and holes filled; flat and round."""
+    """Three drawn views, a backdrop, the variants of shading, and filled holes; perspective and spherical."""
     for projection, small in (
         (FLAT, Perspective.from_fov(46, 34, 1.2)),
         (ROUND, dataclasses.replace(ROUND, width=48, height=24)),
@@ -206,7 +206,7 @@ def colours() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def points() -> Iterator[tuple[str, np.ndarray]]:
-    """Pixels projected into another camera, and what views say of points."""
+    """Pixels projected into another camera, and tests of points against views."""
     first, second = (view(projection, 0.2 * k, k) for k, projection in enumerate((FLAT, ROUND)))
     rng = np.random.default_rng(1)
     pixels, images = (
@@ -227,7 +227,7 @@ def points() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def measures() -> Iterator[tuple[str, np.ndarray]]:
-    """What pictures are compared by, and noise of depth."""
+    """Quality measures of pictures, and depth noise."""
     rng = np.random.default_rng(2)
     a, b = (rng.integers(64, 940, (3, 20, 24)).astype(np.uint16) for _ in range(2))
     yield "match", match_errors(a, b, np.array([1, 0, -1]), np.array([4, 1, 1]))
@@ -257,7 +257,7 @@ def run() -> Arrays:
 
 
 def main() -> None:
-    """Run all cases, and note which files of kernels have part in them."""
+    """Run all cases, and record which kernel files take part in them."""
     kernels = str(Path(view_table.__file__).resolve().parents[1])
     modules: set[str] = set()
 

@@ -1,4 +1,4 @@
-"""Twins: exact depth, the same picture twice, views that agree, people who uncover what is behind them."""
+"""Twins: exact depth, repeatable pictures, views that agree, people who uncover the background behind them."""
 
 from __future__ import annotations
 
@@ -193,10 +193,10 @@ def test_people_move_and_uncover_background(name: str) -> None:
         camera = twin.camera(source)
         background = render_view(twin.scene, camera, 0.0, background_only=True)
         start, later = twin.truth(camera, 0), twin.truth(camera, 60)
-        hidden = start.codes > background.codes  # nearer: a person stands before it
+        hidden = start.codes > background.codes  # larger codes are nearer: a person stands in front
         assert (start.codes >= background.codes).all()
         changed = (start.texture.y != background.texture.y) & ~_wider(hidden)
-        assert changed.mean() < 0.002  # limbs thinner than a pixel; the world's light is still
+        assert changed.mean() < 0.002  # limbs thinner than a pixel; the light in the scene does not change
         uncovered += (hidden & (later.codes == background.codes)).sum()
         share += hidden.sum()
     assert share > 100
@@ -204,7 +204,7 @@ def test_people_move_and_uncover_background(name: str) -> None:
 
 
 def _wider(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """The mask and every pixel beside it: a sample of theirs may see what their centre does not."""
+    """The mask and all neighbouring pixels: one of their samples may see what their centre does not."""
     padded = np.pad(mask, 1)
     h, w = mask.shape
     return np.any([padded[y : y + h, x : x + w] for y in range(3) for x in range(3)], axis=0)
@@ -227,12 +227,12 @@ def test_the_street_reaches_from_people_near_by_to_hills_far_away() -> None:
     depth = view.camera.depth.depth(view.codes)
     assert depth.min() < 6.0
     assert depth.max() > 310.0
-    # A camera at height h that looks down by an angle sees level ground at the plane's depth.
+    # A camera at height h that looks down by an angle sees level ground at the depth of that plane.
     away = rays(view.camera)
     with np.errstate(divide="ignore"):
         ground = np.where(away[..., 2] < 0, -view.camera.pose.position[2] / away[..., 2], np.inf)
     agree = np.abs(view.codes.astype(float) - view.camera.depth.codes(ground)) <= 1
-    assert agree.mean() > 0.15  # asphalt; beside it are pavements, houses and people
+    assert agree.mean() > 0.15  # asphalt; the rest is pavements, houses and people
     assert (depth[~agree] < ground[~agree]).all()  # and nothing is below it
 
 
