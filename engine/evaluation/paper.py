@@ -1,4 +1,4 @@
-"""What a preset gains over the published algorithm (`Settings.paper`), and what the background model is worth to it."""
+"""A preset against the published algorithm (`Settings.paper`), and the same preset without the background model."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from .metrics import erp_range, iv_psnr, psnr
 
 __all__ = ["PAPER_TWINS", "PaperRow", "compare_with_paper"]
 
-PAPER_TWINS = ("museum", "hijack", "painter", "frog")  # of Table 1
+PAPER_TWINS = ("museum", "hijack", "painter", "frog")  # twins of the sequences in Table 1
 _MEANS = ("psnr_y", "iv_psnr", "holes_warped", "holes_backdrop", "drawn")  # over the judged frames
 
 
 @dataclass(frozen=True, slots=True)
 class PaperRow:
-    """One virtual camera of a recording, rendered one way: means over the judged frames.
+    """One virtual camera of a recording, rendered in one mode: means over the judged frames.
 
     psnr_y, iv_psnr: dB. holes_warped, holes_backdrop: fractions of pixels before and after the backdrop. drawn:
-    triangles drawn a picture. Of the run, the same for all cameras: picture_s and update_s, median wall times of a
-    picture and of a frame's update; first_s, the first frame's update; modelled: triangles of the model after the last
-    frame; model_bytes: its images, its surfaces and the ray tracer's hierarchies over them.
+    triangles drawn per picture. The other figures are of the whole run, the same for all cameras. picture_s, update_s:
+    median wall times of a picture and of a frame's update, seconds. first_s: the first frame's update. modelled:
+    triangles of the model after the last frame. model_bytes: memory of its images, its surfaces and the ray tracer's
+    hierarchies over them.
     """
 
     recording: str
@@ -49,7 +50,7 @@ class PaperRow:
 
 @dataclass(slots=True)
 class _Run:
-    """An engine with its times, and figures of its pictures by camera."""
+    """An engine, its times in seconds, and the figures of its pictures by camera."""
 
     mode: str
     engine: Engine
@@ -82,11 +83,11 @@ def compare_with_paper(
     recording: Recording, cameras: Sequence[str], frames: int, every: int, quality: str = "balanced",
     progress: Callable[[], None] = lambda: None,
 ) -> list[PaperRow]:  # fmt: skip
-    """Play `frames` frames through the paper's algorithm, a preset with the model and without it, side by side.
+    """Play `frames` frames side by side through the paper's algorithm and through a preset with and without the model.
 
-    Pictures of the virtual cameras (with ground truth) are judged every `every`-th frame and at the last; the first
-    frame is judged too. `progress` is called after each frame. Rows by camera, then mode. Raises ValueError for an
-    unknown preset, or a camera without ground truth.
+    `cameras` are virtual cameras with ground truth, `quality` is the preset. Pictures are judged in the first frame, in
+    every `every`-th and in the last. `progress` is called after each frame. Rows are sorted by camera, then by mode.
+    Raises ValueError for an unknown preset, or a camera without ground truth.
     """
     rig = [recording.camera(name) for name in recording.source_names]
     settings = {
@@ -114,7 +115,7 @@ def compare_with_paper(
 
 
 def _warm_up(recording: Recording, camera: str, settings: Settings) -> None:
-    """Compile or load what a run needs, with a few views: otherwise the first run's first frame seems dear."""
+    """Compile or load the kernels of a run, with a few views: otherwise the first run's first frame would seem slow."""
     names = recording.source_names[:3]
     engine, target = Engine([recording.camera(name) for name in names], settings), recording.camera(camera)
     for frame in recording.frames(0, min(2, recording.frame_count), names):
@@ -123,7 +124,7 @@ def _warm_up(recording: Recording, camera: str, settings: Settings) -> None:
 
 
 def _figures(picture: RenderedPicture, truth: Texture) -> tuple[float, ...]:
-    """Figures of a picture, in the order of _MEANS."""
+    """The figures of a picture, in the order of _MEANS."""
     report, erp = picture.report, erp_range(picture.camera)
     return (
         psnr(truth, picture.texture)[0], iv_psnr(truth, picture.texture, erp),

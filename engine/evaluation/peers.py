@@ -1,7 +1,7 @@
-"""Farside's pictures beside those of other renderers, over sequences whose README holds their figures.
+"""Farside's pictures next to those of other renderers, over sequences whose README holds the figures of the others.
 
 The README's table has the columns sequence, target, "nearest views given", frame, then PSNR-Y / IV-PSNR of each
-renderer. Given the n source views nearest to the target, Farside also knows the frames before, as it would live.
+renderer. Farside gets the n source views nearest to the target. As in a live session, it also knows earlier frames.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["PeerRow", "nearest_views", "peer_rows", "read_peer_table"]
 
 @dataclass(frozen=True, slots=True)
 class PeerRow:
-    """One case: peers maps a renderer's name to (PSNR-Y, IV-PSNR); ours is the same of Farside, in dB."""
+    """One case. peers: for each renderer's name its (PSNR-Y, IV-PSNR), dB. ours: the same of Farside."""
 
     sequence: str
     target: str
@@ -34,7 +34,7 @@ class PeerRow:
 
 
 def read_peer_table(readme: Path) -> list[PeerRow]:
-    """The rows of the README's table; raises ValueError where it has none."""
+    """The rows of the README's table; raises ValueError if there are none."""
     names: list[str] = []
     rows = []
     for line in readme.read_text("utf-8").splitlines():
@@ -56,7 +56,7 @@ def read_peer_table(readme: Path) -> list[PeerRow]:
 
 
 def nearest_views(sequence: Recording, target: str, count: int) -> tuple[str, ...]:
-    """The `count` source views nearest to a camera by position, in the sequence's order."""
+    """Names of the `count` source views nearest to the camera `target` by position, in the sequence's order."""
     position = np.array(sequence.camera(target).pose.position)
     distance = {
         name: np.linalg.norm(sequence.camera(name).pose.position - position) for name in sequence.source_names
@@ -66,7 +66,7 @@ def nearest_views(sequence: Recording, target: str, count: int) -> tuple[str, ..
 
 
 def peer_rows(folder: Path, quality: str, background: bool = True) -> Iterator[PeerRow]:
-    """Render every case of the folder's table; yields the rows with our figures."""
+    """Render every case of the folder's table with a preset, with or without the model; yields rows with `ours` set."""
     for row in read_peer_table(folder / "README.md"):
         sequence = open_recording(folder / row.sequence)
         names = nearest_views(sequence, row.target, row.views)

@@ -1,4 +1,4 @@
-"""How the cost of a stereo pair grows with the pixels that go out and with those that came in."""
+"""Growth of the cost of a stereo pair with the pixels of the pictures (output) and with those of the views (input)."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ _VIEWER = "viewer"
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """One size: what grows ("output" or "input"), its pixels (of a pair, or of one view), medians of CPU time in ms.
+    """One size: medians of CPU time in ms.
 
-    pair: a stereo pair of a frame that is triangulated. update: what the back end does for a frame and one viewer.
+    grows: "output" or "input". pixels: of a pair for "output", of one view for "input". pair: rendering of a stereo
+    pair whose views are triangulated. update: all work of the back end for a frame and one viewer.
     """
 
     grows: str
@@ -37,10 +38,10 @@ class Growth:
 
 
 def measure_growth(name: str, scale: float, quality: str, repeats: int) -> Iterator[Growth]:
-    """Pictures that double in pixels three times from views of `scale`; then views that do, for one size of picture.
+    """Double the pictures' pixels DOUBLINGS times with the views of twin `name` at `scale`; then double the views'.
 
-    All sizes of a kind take turns, so that what else the machine does falls on all alike. CPU time is that of the
-    whole process, all threads together.
+    `repeats` is the number of timed rounds, `quality` a preset. All sizes of a kind take turns, so that other load of
+    the machine affects all equally. CPU time is that of the whole process, all threads together.
     """
     sizes = [_even(320 * math.sqrt(2) ** k) for k in range(DOUBLINGS + 1)]
     frames = _frames(name, scale)
@@ -66,7 +67,7 @@ def _even(size: float) -> int:
 
 
 def _in_turns(cases: Sequence[tuple[Engine, list[Frame], int]], repeats: int) -> list[tuple[float, float]]:
-    """Medians of CPU ms of a pair and of an update for each (engine, frames, width and height of an eye)."""
+    """Medians of CPU ms of a pair and of an update for each case: engine, frames, width and height of an eye."""
     pairs: list[list[float]] = [[] for _ in cases]
     updates: list[list[float]] = [[] for _ in cases]
     for k in range(repeats + 3):  # every engine sees each frame once before anything counts
@@ -85,14 +86,20 @@ def _in_turns(cases: Sequence[tuple[Engine, list[Frame], int]], repeats: int) ->
 
 
 def exponent(rows: Sequence[Growth], grows: str, cost: str) -> float:
-    """Slope of log cost ("pair" or "update") over log pixels by least squares: 1 is linear, less is sublinear."""
+    """Slope of log cost over log pixels by least squares: 1 is linear, less than 1 is sublinear.
+
+    `grows` is "output" or "input", `cost` is "pair" or "update".
+    """
     chosen = [row for row in rows if row.grows == grows]
     slope, _ = np.polyfit(np.log([r.pixels for r in chosen]), np.log([getattr(r, cost) for r in chosen]), 1)
     return float(slope)
 
 
 def plot_growth(rows: Sequence[Growth], title: str, path: Path) -> None:
-    """Draws cost over pixels, both on logarithmic axes, into a PNG; ImportError without matplotlib (extra `plots`)."""
+    """Plot cost over pixels, both on logarithmic axes, into a PNG at `path`.
+
+    Raises ImportError without matplotlib (extra `plots`).
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 4), layout="constrained")

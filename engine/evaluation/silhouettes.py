@@ -1,7 +1,7 @@
-"""Silhouettes and thin structures of rendered pictures against a twin's ground truth with 4x4 samples a pixel.
+"""Silhouettes and thin structures of rendered pictures against a twin's ground truth with 4x4 samples per pixel.
 
-A silhouette is fattened where more of a pixel's light is the near side's than in truth, thinned where less is. Light,
-not luma: a twin's pixel is the mean light of its samples, coded with a gamma of 2.
+A silhouette is fattened where more of a pixel's light comes from the near side than in the truth, and thinned where
+less does. Light is compared, not luma: a twin's pixel is the mean light of its samples, coded with a gamma of 2.
 """
 
 from __future__ import annotations
@@ -22,18 +22,19 @@ __all__ = ["SilhouetteFigures", "fine_camera", "judge_silhouettes"]
 
 
 STEP = 0.05  # relative step of disparity from sample to sample that makes a silhouette
-CONTRAST = 0.05  # of the light of white between the sides, at least
+CONTRAST = 0.05  # least difference in light between the two sides, as a share of white
 BLACK, WHITE = 64, 940  # codes of luma
 THIN_PX = 2  # structures up to this width are thin
-_NEIGHBOURS = 4  # silhouette pixels: half the side of the square whose mean is the smooth course of a silhouette
+_NEIGHBOURS = 4  # pixels: reach of the square around a silhouette pixel whose mean is the silhouette's smooth course
 
 
 @dataclass(frozen=True, slots=True)
 class SilhouetteFigures:
-    """bias_px: mean displacement outwards, above 0 fattened. roughness_px: RMS about the local mean (serration).
+    """Figures of a picture; nan where there is nothing to measure.
 
-    silhouettes: places where both were measured. thin: the share of `thin_pixels` whose depth is the thin structure's.
-    nan where there is nothing to measure.
+    bias_px: mean displacement of silhouettes outwards, pixels; above 0 they are fattened. roughness_px: RMS about the
+    local mean (serration). silhouettes: number of pixels where a displacement was measured. thin_pixels: number of
+    pixels whose middle shows a thin structure; thin: the share of these that were rendered at its depth.
     """
 
     bias_px: float
@@ -44,14 +45,15 @@ class SilhouetteFigures:
 
 
 def fine_camera(camera: Camera) -> Camera:
-    """The camera with 4x4 pixels for one, for the ground truth that silhouettes are judged by."""
+    """The camera with 4x4 pixels in place of one: silhouettes are judged by its ground truth."""
     return dataclasses.replace(camera, projection=camera.projection.scaled(FINE))
 
 
 def judge_silhouettes(fine: View, texture: Texture, rendered: npt.NDArray[np.floating]) -> SilhouetteFigures:
-    """Figures of a picture and its disparity [h, w] in 1/m, 0 for holes; `fine` is what its `fine_camera` sees.
+    """Figures of a rendered picture.
 
-    Raises ValueError where the sizes do not fit.
+    fine: ground truth of the picture's `fine_camera`. texture: the picture. rendered: its disparity [h, w], 1/m, 0 for
+    holes. Raises ValueError if the sizes do not fit.
     """
     h, w = rendered.shape
     if fine.codes.shape != (FINE * h, FINE * w):
@@ -65,13 +67,13 @@ def judge_silhouettes(fine: View, texture: Texture, rendered: npt.NDArray[np.flo
 
 
 def _light(texture: Texture) -> F64:
-    """Light of luma codes, 1 for white."""
+    """Light of a texture's luma codes [h, w]: 0 for black, 1 for white."""
     light: F64 = np.maximum((texture.y.astype(np.float64) - BLACK) / (WHITE - BLACK), 0.0) ** 2
     return light
 
 
 def _bias_and_roughness(offsets: F64) -> tuple[float, float, int]:
-    """Mean, RMS about the mean of each place's square of neighbours, and number of the offsets that are not nan."""
+    """Mean of the offsets [h, w] that are not nan, their RMS about the mean of their neighbours, and their number."""
     there = ~np.isnan(offsets)
     counts, sums = _box_sums(there.astype(float)), _box_sums(np.where(there, offsets, 0.0))
     count = int(np.count_nonzero(there))
@@ -79,13 +81,13 @@ def _bias_and_roughness(offsets: F64) -> tuple[float, float, int]:
     if not near.any():
         return (float(offsets[there].mean()) if count else math.nan), math.nan, count
     n = counts[near]
-    # A mean of n that holds the value itself takes 1/n of its variance away.
+    # The mean of n values includes the value itself, which reduces the variance by 1/n of it.
     squares = (offsets[near] - sums[near] / n) ** 2 * n / (n - 1)
     return float(offsets[there].mean()), math.sqrt(float(squares.mean())), count
 
 
 def _box_sums(values: F64) -> F64:
-    """Sums over squares of 2 _NEIGHBOURS + 1 pixels a side about each pixel."""
+    """Sums over a square around each pixel, with sides of 2 _NEIGHBOURS + 1 pixels."""
     for axis in (0, 1):
         margin = [(_NEIGHBOURS + 1, _NEIGHBOURS) if a == axis else (0, 0) for a in (0, 1)]
         total = np.cumsum(np.pad(values, margin), axis=axis)
@@ -96,7 +98,7 @@ def _box_sums(values: F64) -> F64:
 
 
 def _thin(disparity: F64, rendered: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
-    """For each pixel whose middle shows a thin structure, whether what was rendered there is at its depth."""
+    """For each pixel whose middle shows a thin structure, whether the rendered surface there is at its depth."""
     behind = thin_structures(disparity, STEP, THIN_PX * FINE)
     h, w = rendered.shape
     middle = slice(FINE // 2 - 1, FINE // 2 + 1)

@@ -1,4 +1,4 @@
-"""What scenes do not need and is therefore not done: work and memory beside what they would be without that."""
+"""Work and memory that scenes do not need and the engine therefore spares, compared with the full amounts."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from .stages import head_amid, one_thread
 __all__ = ["Spared", "spared_rows"]
 
 _VIEWER = "head"
-_WITHIN_M = 0.3  # of its place the head stays, where that is declared
-# Bytes of a camera's pixel with all that there is to say of it: its code and the limit that follows from that, 4:2:0
-# colour, whether it has changed, is in the P-PBS, has a provisional colour, and of how many views it is the mean.
+_WITHIN_M = 0.3  # declared radius of the ball that the head stays in
+# Bytes of a camera's pixel if everything about it is stored: its code (2), the limit derived from that (2), 4:2:0
+# colour (3), three flags (has changed, is in the P-PBS, has a provisional colour), and how many views were averaged.
 _PIXEL = 2 + 2 + 3 + (1 + 1 + 1) + 1
-_SETTLED = 3  # frames of a run that are not counted: they compile, and first turns are dearer
+_SETTLED = 3  # first frames of a run that are not counted: they compile kernels, and first turns cost more
 
 
 @dataclass(frozen=True, slots=True)
 class Spared:
-    """Some work or memory in a scene: all that there would be, what is left of it, and its unit."""
+    """Some work or memory in a scene: the full amount (`all`), the amount that is left, and the unit of both."""
 
     scene: str
     what: str
@@ -40,14 +40,17 @@ class Spared:
 
     @property
     def saved(self) -> float:
-        """Share that is not done."""
+        """The share that is spared."""
         return 1.0 - self.left / self.all if self.all else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """Frames played for one head: the reports that count, the last picture of the left eye, and the model's memory
-    after the first counted frame and after the last."""
+    """Frames played for one head.
+
+    reports: those of the counted frames. picture: the last of the left eye. memory: bytes of the model after the first
+    counted frame and after the last.
+    """
 
     engine: Engine
     reports: list[BackEndReport]
@@ -55,25 +58,25 @@ class _Run:
     memory: tuple[int, int]
 
     def median(self, stage: str) -> float:
-        """CPU milliseconds of a stage a frame."""
+        """CPU milliseconds per frame of a stage, the median."""
         return float(np.median([report.stages.cpu[stage] for report in self.reports]))
 
     def change_test(self) -> float:
-        """CPU milliseconds that it takes to see what has changed."""
+        """CPU milliseconds per frame that the search for changed pixels takes, the median."""
         found = [report.background.stages.cpu["maximum_depth"] for report in self.reports if report.background]
         return float(np.median(found))
 
     def mean_rays(self) -> float:
-        """Rays of filter and culling a frame."""
+        """Rays of filter and culling per frame, the mean."""
         return float(np.mean([report.background.rays for report in self.reports if report.background]))
 
 
 def spared_rows(
     names: Sequence[str], scale: float, frames: int, advance: Callable[[], None] = lambda: None
 ) -> Iterator[Spared]:
-    """Rows of each twin: while it plays, and while its first frame stays. `advance` is called after each frame.
+    """Rows of each twin in `names` at `scale`: while `frames` frames play, and while the first frame is repeated.
 
-    CPU times are those of one thread.
+    `advance` is called after each frame. CPU times are those of one thread.
     """
     for name in names:
         twin = make_twin(name, scale)
@@ -93,7 +96,7 @@ def spared_rows(
 
 
 def _again(frame: Frame, index: int) -> Frame:
-    """A frame with the same contents in other memory: nothing tells that it is the same but looking."""
+    """A frame with the same contents in other memory, so that only a comparison can show that it is the same."""
     views = (dataclasses.replace(view, codes=view.codes.copy()) for view in frame.views)
     return dataclasses.replace(frame, index=index, views=tuple(views))
 
@@ -110,7 +113,7 @@ def _play(twin: Twin, frames: Sequence[Frame], advance: Callable[[], None]) -> _
 
 
 def _static_rows(name: str, moving: _Run, static: _Run) -> Iterator[Spared]:
-    """What a frame costs in which nothing has moved."""
+    """The cost of a frame in which nothing has moved."""
     still = f"{name}, still"
     update = static.median("background")
     yield Spared(still, "the model's update, CPU", moving.median("background"), update, "ms")
@@ -123,7 +126,7 @@ def _static_rows(name: str, moving: _Run, static: _Run) -> Iterator[Spared]:
 
 
 def _drawing_rows(name: str, twin: Twin, run: _Run) -> Iterator[Spared]:
-    """What a picture does not need of the views and of the model."""
+    """The parts of the views and of the model that a picture does not need."""
     report, last = run.picture.report, run.reports[-1]
     yield Spared(name, "views that are triangulated to be drawn", len(twin.sources), len(report.views), "")
     yield Spared(name, "triangles of these views, of one eye", last.triangles, report.warped, "")
@@ -135,7 +138,7 @@ def _drawing_rows(name: str, twin: Twin, run: _Run) -> Iterator[Spared]:
 
 
 def _memory_rows(name: str, twin: Twin, moving: _Run, static: _Run, frames: int) -> Iterator[Spared]:
-    """The model's memory: beside all depth that was ever seen, and how it grows."""
+    """The model's memory, compared with all depth that was ever seen, and its growth."""
     pixels = sum(camera.width * camera.height for camera in twin.sources)
     seen = 2.0 * pixels * frames / 1e6
     yield Spared(name, f"memory, of the depth of {frames} frames", seen, moving.memory[1] / 1e6, "MB")
@@ -152,7 +155,7 @@ def _memory_rows(name: str, twin: Twin, moving: _Run, static: _Run, frames: int)
 
 
 def _space_rows(name: str, twin: Twin, first: Frame) -> Iterator[Spared]:
-    """What the model of the first frame needs where heads stay near one place."""
+    """The size of the first frame's model, compared with its size when heads stay near one place."""
     x, y, z = head_amid(twin.sources).pose.position
     found = []
     for space in (None, (x, y, z, _WITHIN_M)):

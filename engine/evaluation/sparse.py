@@ -1,4 +1,7 @@
-"""What completing sparse depth is worth: a sequence with truth whose depth is punched as time of flight leaves it."""
+"""The benefit of completing sparse depth.
+
+A sequence with ground truth gets holes in its depth like those of a time-of-flight sensor.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +23,13 @@ from .metrics import iv_psnr, psnr
 
 __all__ = ["MODES", "SparseSample", "compare_sparse", "completion_cost", "punched"]
 
-# Whole depth; depth with holes, as it is and completed.
+# Whole depth; depth with holes; depth with holes that are completed.
 MODES = ("whole", "holes", "completed")
 
-_EDGE_SHARE = 0.05  # step of disparity between neighbours that a sensor makes nothing of
-_GRAZING = 0.02  # change of disparity from pixel to pixel, as a share, from which too little light comes back
+_EDGE_SHARE = 0.05  # step of disparity between neighbours, as a share, at which a sensor finds no depth
+_GRAZING = 0.02  # change of disparity from pixel to pixel, as a share, above which too little light comes back
 _DARK = 200  # luma code below which too little light comes back
-_RANDOM = 0.05
+_RANDOM = 0.05  # share of the pixels that lose their depth at random
 _CRACK = 0.12  # share of rows and columns that fall between a coarser sensor's samples
 
 
@@ -44,7 +47,10 @@ class SparseSample:
 def compare_sparse(
     sequence: Recording, cameras: Sequence[str], frames: Sequence[int], quality: str, views: int = 5, seed: int = 1
 ) -> Iterator[SparseSample]:
-    """Render virtual cameras from depth in all modes; frames are taken each by itself, without those before."""
+    """Render virtual cameras from depth in all modes; each frame is rendered on its own, without earlier frames.
+
+    `cameras` have ground truth, `frames` are indices, `views` is n_render, and `seed` draws the holes.
+    """
     for index in frames:
         whole = sequence.frame(index)
         holes = Frame(index, tuple(punched(view, seed + k) for k, view in enumerate(whole.views)))
@@ -60,7 +66,7 @@ def compare_sparse(
 
 
 def completion_cost(view: View, runs: int = 5) -> float:
-    """CPU milliseconds that completing a view costs a megapixel, the least of some runs."""
+    """CPU milliseconds per megapixel that completing a view takes, the least of `runs` runs."""
     costs = []
     for _ in range(runs + 1):  # the first compiles
         start = time.process_time()
@@ -70,8 +76,11 @@ def completion_cost(view: View, runs: int = 5) -> float:
 
 
 def punched(view: View, seed: int) -> View:
-    """The view without depth where time of flight has none: at edges, on what is dark or seen at a grazing angle, in
-    blobs (gloss, glass), in cracks between the samples of a coarser sensor, and here and there."""
+    """The view without depth where a time-of-flight sensor finds none; `seed` draws the random parts.
+
+    Depth is missing at edges, on dark surfaces and on those seen at a grazing angle, in blobs (gloss, glass), in cracks
+    between the samples of a coarser sensor, and in scattered pixels.
+    """
     rng = np.random.default_rng(seed)
     disparity = view.camera.depth.disparity(view.codes)
     lost = _steep(disparity, _EDGE_SHARE) | (_slope(disparity) > _GRAZING) | (view.texture.y < _DARK)
@@ -83,7 +92,7 @@ def punched(view: View, seed: int) -> View:
 
 
 def _steep(disparity: npt.NDArray[np.float64], share: float) -> npt.NDArray[np.bool_]:
-    """Pixels within two of a step between neighbours."""
+    """Mask of the pixels within two of a step between neighbours of more than `share`."""
     steps = np.zeros(disparity.shape, bool)
     for axis in (0, 1):
         other = np.roll(disparity, 1, axis)
@@ -96,14 +105,14 @@ def _steep(disparity: npt.NDArray[np.float64], share: float) -> npt.NDArray[np.b
 
 
 def _slope(disparity: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """How fast disparity changes, as a share of it, per pixel."""
+    """Change of disparity per pixel, as a share of the disparity."""
     down, right = np.gradient(disparity)
     slope: npt.NDArray[np.float64] = np.hypot(down, right) / disparity
     return slope
 
 
 def _blobs(rng: np.random.Generator, height: int, width: int) -> npt.NDArray[np.bool_]:
-    """A dozen ellipses of up to a tenth of the picture's width."""
+    """Mask of a dozen ellipses with diameters up to a tenth of the picture's width."""
     y, x = np.mgrid[:height, :width]
     lost = np.zeros((height, width), bool)
     for _ in range(12):
@@ -113,7 +122,7 @@ def _blobs(rng: np.random.Generator, height: int, width: int) -> npt.NDArray[np.
 
 
 def _cracks(rng: np.random.Generator, height: int, width: int) -> npt.NDArray[np.bool_]:
-    """Thin lines of a grid that is a little turned and bent."""
+    """Mask of the thin lines of a grid that is slightly turned and bent."""
     y, x = np.mgrid[:height, :width] / width
     bend = 0.02 * np.sin(6.0 * x + 6.0 * rng.random()) * np.cos(5.0 * y)
     cells = width * _CRACK

@@ -1,8 +1,9 @@
-"""What each stage costs: of the first frame, of a later one, and of a stereo pair, in wall and CPU time, and its work.
+"""The cost of each stage of the first frame, of a later one and of a stereo pair: wall time, CPU time and work.
 
-The back end has all threads, and nothing else runs meanwhile: its CPU time is that of the process. A pair is rendered
-on all threads for its wall time, and once more on one thread, where a stage's CPU time is its own. What the first run
-in a process takes longer than the second is compiling kernels, or loading what was compiled before.
+The back end has all threads, and nothing else runs meanwhile, so its CPU time is that of the process. A pair is
+rendered on all threads for its wall time, and again on one thread, where a stage's CPU time is its own. The first run
+in a process takes longer than the second, because it compiles kernels or loads compiled ones; the difference is
+reported as well.
 """
 
 from __future__ import annotations
@@ -31,16 +32,16 @@ __all__ = ["PHASES", "StageReport", "StageRow", "head_amid", "measure_stages", "
 PHASES = ("first frame", "later frame", "pair")
 _VIEWER = "head"
 _FULL = 2048  # width of the paper's views, for which an eye has 1280x1440 pixels
-_REPEATS = 3  # of a pair on one thread
+_REPEATS = 3  # pairs that are rendered on one thread
 
 
 @dataclass(frozen=True, slots=True)
 class StageRow:
-    """A stage of a phase: medians in milliseconds over the times that it took place, its share of the phase's CPU time
-    over all frames, and what it worked on.
+    """A stage of a phase.
 
-    Stages with a colon are parts of the one before them, other is what no stage is; ingest is reading a frame, and not
-    part of the total.
+    times: how often it took place. wall_ms, cpu_ms: medians over these times. share: its part of the phase's CPU time
+    over all frames. work: what it worked on, counts by unit. A stage with a colon is part of the stage named before the
+    colon. "other" is all time outside the stages. "ingest" is the reading of a frame and is not part of the total.
     """
 
     phase: str
@@ -54,27 +55,27 @@ class StageRow:
 
 @dataclass(frozen=True, slots=True)
 class StageReport:
-    """All rows, the size of an eye's picture, and the seconds that kernels took to be compiled or loaded."""
+    """All rows, width and height of an eye's picture, and the seconds that compiling or loading kernels took."""
 
     rows: list[StageRow]
     size: tuple[int, int]
     compile_s: float
 
     def row(self, phase: str, stage: str) -> StageRow:
-        """One of the rows; KeyError where there is none."""
+        """The row of a stage in a phase; raises KeyError if there is none."""
         for row in self.rows:
             if (row.phase, row.stage) == (phase, stage):
                 return row
         raise KeyError((phase, stage))
 
     def as_dict(self) -> dict[str, object]:
-        """For JSON."""
+        """The report as plain dictionaries and lists, for JSON."""
         return asdict(self)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Kernels started from this thread run on it alone: CPU time is comparable however busy the machine is."""
+    """Run kernels that this thread starts on this thread alone: CPU times then do not depend on the machine's load."""
     threads = thread_count()
     set_thread_count(1)
     try:
@@ -84,8 +85,11 @@ def one_thread() -> Iterator[None]:
 
 
 def head_amid(cameras: Sequence[Camera], pose: Pose | None = None) -> StereoView:
-    """A head amid a rig, or at a pose; eyes like the cameras' pictures or, where these are spherical, 1280x1440 of 90
-    degrees for views of 2048 pixels, smaller for smaller ones."""
+    """A head in the middle of a rig, or at `pose`.
+
+    Its eyes have the projection of the first camera if that is perspective. For spherical cameras they have 90 degrees
+    and 1280x1440 pixels if views are 2048 pixels wide, and proportionally fewer pixels for smaller views.
+    """
     pose, projection = pose or home_pose(cameras), cameras[0].projection
     if isinstance(projection, Perspective):
         return StereoView(pose, 0.063, projection, projection)
@@ -96,7 +100,7 @@ def head_amid(cameras: Sequence[Camera], pose: Pose | None = None) -> StereoView
 def measure_stages(
     recording: Recording, settings: Settings, frames: int, progress: Callable[[], None] = lambda: None
 ) -> StageReport:
-    """Play some frames and render a pair from each; calls `progress` after each frame, and once before."""
+    """Play `frames` frames and render pairs from each; calls `progress` once before the first frame and after each."""
     cameras = [recording.camera(name) for name in recording.source_names]
     head, names = head_amid(cameras), recording.source_names
     unready = _Run(Engine(cameras, settings, f_vin=recording.fps), head)
@@ -122,15 +126,15 @@ def _size(frame: Frame) -> int:
 
 
 class _Run:
-    """An engine, and the times and counts of its frames and pairs."""
+    """An engine, and times and work of its frames and pairs."""
 
     def __init__(self, engine: Engine, head: StereoView) -> None:
         self.engine, self.head = engine, head
-        self.spent_s: list[float] = []  # on each frame and its pairs
+        self.spent_s: list[float] = []  # seconds for each frame and its pairs
         self._samples: dict[tuple[str, str], list[tuple[float, float, Mapping[str, float]]]] = {}
 
     def take(self, frame: Frame) -> None:
-        """Update with a frame, and render pairs from it."""
+        """Update the engine with a frame, and render pairs from it."""
         started = time.perf_counter()
         with timed(whole := Stages(), "total"):
             report = self.engine.update(frame, {_VIEWER: self.head})
@@ -144,7 +148,7 @@ class _Run:
         self.spent_s.append(time.perf_counter() - started)
 
     def _render(self) -> None:
-        """Render and encode a pair on all threads, then some on one, of which the cheapest counts."""
+        """Render and encode a pair on all threads, then _REPEATS pairs on one thread, of which the fastest counts."""
         wall, _ = self._pair()
         with one_thread():
             own, work = min((self._pair() for _ in range(_REPEATS)), key=lambda pair: pair[0].cpu["total"])
@@ -154,7 +158,7 @@ class _Run:
         self._add("pair", both, work)
 
     def _pair(self) -> tuple[Stages, dict[str, dict[str, float]]]:
-        """Stages of a pair, the eyes' sums, and the work in them."""
+        """Stages of a pair as sums of both eyes, and the work of each stage."""
         stages = Stages()
         with timed(whole := Stages(), "total"):
             pair = self.engine.render(self.head, _VIEWER)
@@ -167,7 +171,7 @@ class _Run:
         return _with_rest(stages, whole), _pair_work(pair) | {"encode": {"bytes": sum(map(len, data))}}
 
     def add(self, index: int, stages: Stages, work: Mapping[str, Mapping[str, float]]) -> None:
-        """Account for stages of a frame."""
+        """Add the stages of frame `index` and their work to its phase."""
         self._add(PHASES[min(index, 1)], stages, work)
 
     def _add(self, phase: str, stages: Stages, work: Mapping[str, Mapping[str, float]]) -> None:
@@ -176,7 +180,7 @@ class _Run:
             self._samples.setdefault((phase, name), []).append(sample)
 
     def rows(self) -> list[StageRow]:
-        """Medians over the frames, phases in order, the whole of each phase last."""
+        """Rows with medians over the frames, in the order of the phases; each phase ends with its total."""
         rows = []
         for phase in PHASES:
             names = sorted((name for p, name in self._samples if p == phase), key=_order)
@@ -187,7 +191,7 @@ class _Run:
 
 
 def _with_rest(stages: Stages, whole: Stages) -> Stages:
-    """Stages with the whole's total, and what of it belongs to none of them."""
+    """The stages with two more: the total of the whole, and "other", the part of it outside the stages."""
     wall, cpu = sum(stages.values()), sum(stages.cpu.values())
     stages.add("other", max(0.0, whole["total"] - wall), max(0.0, whole.cpu["total"] - cpu))
     stages.add("total", whole["total"], whole.cpu["total"])

@@ -1,11 +1,12 @@
 """SSIM, MS-SSIM, IV-SSIM and IV-MS-SSIM as MPEG's present quality tool (QMIV 3) computes them with its defaults.
 
-Windows are blocks of 8 x 8 pixels, four pixels apart, all pixels of one weight; chroma is compared at luma resolution
-(replicated). A picture's figure is the mean of its planes', Y:Cb:Cr = 4:1:1. Many scales: the picture halved until a
-side would be less than 32 pixels, five at most; contrast and structure at each, luminance at the coarsest, with the
-exponents of Wang et al. (Asilomar 2003), or their share of 1 where scales are fewer.
-IV: each picture against the other after every pixel of that has been replaced by the best match within two pixels
-of its place, a small global colour difference forgiven (as in IV-PSNR); the lower of the two directions.
+Windows are blocks of 8 x 8 pixels, four pixels apart; all pixels have one weight. Chroma is compared at luma resolution
+(replicated). A picture's figure is the mean of its planes' figures, weighted Y:Cb:Cr = 4:1:1.
+MS: the picture is halved again and again, to at most five scales, while its sides have at least 32 pixels. Contrast and
+structure are compared at each scale, luminance at the coarsest, with the exponents of Wang et al. (Asilomar 2003); with
+fewer scales the exponents are divided by their sum.
+IV: before a picture is compared, every pixel of the other is replaced by its best match within two pixels of its place,
+and a small global colour difference is forgiven (as in IV-PSNR). The lower figure of the two directions counts.
 Dziembowski, Nowak, Stankowski: IV-SSIM, Applied Sciences 14(16), 2024.
 """
 
@@ -26,16 +27,18 @@ __all__ = ["LEAST_PX", "LEAST_SCALED_PX", "Similarity", "structural_similarity"]
 
 Planes = npt.NDArray[np.uint16]  # [3, h, w]
 
-LEAST_PX = 8  # side of a window
+LEAST_PX = 8  # side of a window, pixels
 _STRIDE = 4  # pixels from window to window: half a window
-LEAST_SCALED_PX = 32  # of the coarsest scale
+LEAST_SCALED_PX = 32  # least side of the coarsest scale, pixels
 _EXPONENTS = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 
 
 @dataclass(frozen=True, slots=True)
 class Similarity:
-    """Figures of a pair of pictures, at most 1. ssim, ms_ssim: of Y, Cb and Cr; the latter, and iv_ms_ssim, None for
-    pictures of less than 32 pixels a side."""
+    """Figures of a pair of pictures, at most 1 each.
+
+    ssim, ms_ssim: of Y, Cb and Cr. ms_ssim and iv_ms_ssim are None for pictures with a side of less than 32 pixels.
+    """
 
     ssim: tuple[float, float, float]
     iv_ssim: float
@@ -43,7 +46,7 @@ class Similarity:
     iv_ms_ssim: float | None
 
     def figures(self) -> dict[str, float]:
-        """All of them by name: ssim and ms_ssim of the picture, and with _y, _cb, _cr of its planes."""
+        """All figures by name: ssim and ms_ssim are of the picture; with _y, _cb or _cr they are of a plane."""
         out: dict[str, float] = {}
         for name, planes in (("ssim", self.ssim), ("ms_ssim", self.ms_ssim)):
             if planes is not None:
@@ -57,7 +60,7 @@ def structural_similarity(ref: Texture, test: Texture, erp: Erp | None = None, *
     """All figures of two pictures with codes of `bits` bits.
 
     With `erp` (degrees) the windows of IV-SSIM are weighted by the solid angle of the pixels in their middle row; the
-    tool weights none of the others. Raises ValueError where sizes differ or a side is less than 8 pixels.
+    tool does not weight the other figures. Raises ValueError if the sizes differ or a side is less than 8 pixels.
     """
     check_sizes(ref, test)
     if min(ref.y.shape) < LEAST_PX:
@@ -83,19 +86,19 @@ def _many_scales(a: Planes, b: Planes, peak: int) -> F64:  # [3]
     side, count = min(a.shape[1:]), 1
     while count < len(_EXPONENTS) and side >= LEAST_SCALED_PX << count:
         count += 1
-    # To four places, as the tool has them.
+    # Rounded to four decimals, as in the tool.
     exponents = np.round(np.array(_EXPONENTS[:count]) / sum(_EXPONENTS[:count]), 4)
     product = np.ones(3)
     for scale, exponent in enumerate(exponents):
         if scale:
             a, b = _halved(a), _halved(b)
-        # Structure may be negative, of which no power can be taken.
+        # Structure may be negative, and a negative number has no such power.
         product *= np.maximum(_windows(a, b, peak, None, luminance=scale == count - 1), 0.0) ** exponent
     return product
 
 
 def _windows(a: Planes, b: Planes, peak: int, weights: F64 | None, *, luminance: bool) -> F64:  # [3]
-    """Mean over the windows of each plane: contrast and structure, times luminance where that is asked for."""
+    """Mean over the windows of each plane: contrast and structure, times luminance if `luminance`."""
     rows = block_similarity(a, b, _STRIDE, (K1 * peak) ** 2, (K2 * peak) ** 2, luminance)
     middle = np.ones(rows.shape[1]) if weights is None else weights[LEAST_PX // 2 :: _STRIDE][: rows.shape[1]]
     means: F64 = rows @ middle / middle.sum()
@@ -103,7 +106,7 @@ def _windows(a: Planes, b: Planes, peak: int, weights: F64 | None, *, luminance:
 
 
 def _halved(planes: Planes) -> Planes:
-    """Means of two by two pixels, halves upwards."""
+    """Means of two by two pixels; halves are rounded up."""
     count, h, w = planes.shape[0], planes.shape[1] // 2, planes.shape[2] // 2
     sums = planes[:, : 2 * h, : 2 * w].reshape(count, h, 2, w, 2).sum(axis=(2, 4), dtype=np.uint32)
     halved: Planes = ((sums + 2) >> 2).astype(np.uint16)
@@ -111,7 +114,7 @@ def _halved(planes: Planes) -> Planes:
 
 
 def _picture(planes: F64) -> float:
-    """A picture's figure from its planes'."""
+    """The figure of a picture from those of its planes."""
     return float(WEIGHTS @ planes / WEIGHTS.sum())
 
 

@@ -1,8 +1,8 @@
-"""What the speed is wanted to be and what it is, on a twin as large as the paper's sequence.
+"""Target speeds and measured speeds, on a twin as large as the paper's sequence.
 
-Everything that is compared is timed in turns in one process, so that what else the machine does falls on all alike.
-Times are wall-clock medians with as many threads as there are cores; a first pass over everything, which compiles what
-is not compiled yet, is not counted. Twin frames are made between the measurements.
+Variants that are compared are timed in turns in one process, so that other load of the machine affects all equally.
+Times are wall-clock medians with one thread per core. A first pass, which compiles kernels that are not compiled yet,
+is not counted. Frames of the twin are made between the measurements.
 """
 
 from __future__ import annotations
@@ -34,31 +34,31 @@ Advance = Callable[[], None]
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """One figure: what was measured, its unit, and what is wanted (None: nothing, it only informs)."""
+    """One figure: what was measured, its value and unit, and the wanted value (None: the figure only informs)."""
 
     what: str
     value: float
     unit: str
     wanted: float | None = None
-    at_least: bool = False  # larger is better
+    at_least: bool = False  # `wanted` is the least value; otherwise the largest
 
     @property
     def met(self) -> bool | None:
-        """Whether the value is as wanted; None where nothing is."""
+        """Whether the value is as wanted; None if no value is wanted."""
         if self.wanted is None:
             return None
         return self.value >= self.wanted if self.at_least else self.value <= self.wanted
 
 
 def head_pose(home: np.ndarray, seconds: float) -> Pose:
-    """A head that turns slowly and sways by a decimetre round `home` [3]."""
+    """Pose at a time in seconds of a head that turns slowly and sways by a decimetre around `home` [3], metres."""
     turn = 2 * math.pi * seconds / 8.0
     position = np.add(home, (0.0, 0.1 * math.sin(turn), 0.0))
     return Pose.from_euler(position, 0.4 * math.sin(turn), 0.1 * math.sin(2 * turn), 0.0)
 
 
 def warp_all(views: int, quality: str) -> Settings:
-    """A quality that warps every view and keeps no model: what the model saves is measured against it."""
+    """A preset that warps all `views` views and keeps no model: the model's savings are measured against it."""
     return Settings.preset(quality, n_render=views, background=False)
 
 
@@ -66,10 +66,11 @@ def warp_all(views: int, quality: str) -> Settings:
 
 
 def one_eye_targets(twin: Twin, repeats: int, advance: Advance) -> Iterator[Target]:
-    """One square eye from the five nearest of a twin's views, whose triangulation is included, `balanced`.
+    """One square eye from the five nearest views of a twin with the preset `balanced`; triangulation is included.
 
-    The views are those of the twin, half-spheres, and perspective ones from the same places. `from nothing`: each
-    view is triangulated whole, as after a cut; `in a video`: as a frame comes after its forerunner.
+    The views are the half-spheres of the twin, then perspective views from the same places. "from nothing": each view
+    is triangulated as a whole, as after a cut. "in a video": triangles that did not change are kept from the previous
+    frame. `advance` is called after each measurement.
     """
     size = twin.sources[0].height
     home = np.mean([camera.pose.position for camera in twin.sources], axis=0)
@@ -100,7 +101,7 @@ def one_eye_targets(twin: Twin, repeats: int, advance: Advance) -> Iterator[Targ
 
 
 def _triangulate_anew(frame: Frame, names: Sequence[str], settings: Settings) -> float:
-    """Seconds that it takes to make the meshes of some views of a frame."""
+    """Seconds that making the meshes of the named views of a frame takes."""
     scene = Scene.of([view.camera for view in frame.views], settings, frame)
     start = time.perf_counter()
     for view in (view for view in frame.views if view.camera.name in names):
@@ -115,8 +116,10 @@ def _triangulate_anew(frame: Frame, names: Sequence[str], settings: Settings) ->
 def update_targets(
     twin: Twin, engines: Mapping[str, Engine], frames: Sequence[int], repeats: int, advance: Advance
 ) -> Iterator[Target]:
-    """The S-PBS from the first of some of a twin's frames, then engines that play all of them, nobody watching: what
-    `balanced`, one of the engines, takes."""
+    """Initialisation of the S-PBS from the first of the `frames` of a twin, then updates with all of them, no viewer.
+
+    All engines (by preset) play the frames; the times are those of `balanced`.
+    """
     first, balanced = twin_frame(twin, frames[0]), engines["balanced"]
     n_init, n_update = balanced.settings.n_init, balanced.settings.n_update
     initial = [
@@ -143,9 +146,9 @@ def update_targets(
 def pair_targets(
     frame: Frame, engines: Mapping[str, Engine], size: tuple[int, int], repeats: int, advance: Advance
 ) -> Iterator[Target]:
-    """Pairs of `size` (width, height) an eye by engines that have played up to a frame, by quality.
+    """Stereo pairs of `size` (width, height of an eye) by engines (by preset) that have played up to `frame`.
 
-    Each is set against its own `warp_all`.
+    Each engine is compared with one that warps all views with the same preset (`warp_all`).
     """
     home = np.mean([view.camera.pose.position for view in frame.views], axis=0)
     view = StereoView.symmetric(head_pose(home, 0.0), *size, math.radians(90))
@@ -162,7 +165,7 @@ def pair_targets(
     for k in range(repeats):
         moved = view.moved(head_pose(home, 8.0 * k / repeats))
         for name, engine in every.items():
-            engine.render(moved, _VIEWER)  # meshes of views that come into use belong to the frame
+            engine.render(moved, _VIEWER)  # makes meshes of newly selected views; their time belongs to the frame
             start = time.perf_counter()
             picture = engine.render(moved, _VIEWER)
             spent[name].append(1e3 * (time.perf_counter() - start))
@@ -185,7 +188,7 @@ def pair_targets(
 
 
 def loss_targets(twin: Twin, frame: int, advance: Advance) -> Iterator[Target]:
-    """IV-PSNR of the qualities without a model, at the virtual cameras inside the rig, means."""
+    """Mean IV-PSNR of the presets without a model, over the virtual cameras inside the rig, in one frame of a twin."""
     source = twin_frame(twin, frame)
     variants = {
         "fast": Settings.preset("fast", background=False),

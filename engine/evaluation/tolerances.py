@@ -1,7 +1,7 @@
-"""The tolerances that follow from a scene, beside smaller and larger ones: which would have been the best?
+"""The tolerances that are derived from a scene, compared with smaller and larger ones: which would have been the best?
 
-A twin is played once, by one engine for each value of each tolerance, and its virtual cameras are rendered from few
-views, so that much of a picture is what the model remembers.
+A twin is played once, by one engine for each value of each tolerance. Its virtual cameras are rendered from few views,
+so that much of a picture comes from the model.
 """
 
 from __future__ import annotations
@@ -27,19 +27,20 @@ __all__ = ["FACTORS", "FRAMES", "SCENES", "Choice", "Outcome", "Row", "automatic
 
 SCENES = ("frog", "painter", "museum", "street")  # depths of 1 m, 5 m, 10 m and 300 m; the first two with noise
 FACTORS = (0.125, 0.35, 1.0, 2.8, 8.0)
-# Neighbours first, which tell how much depth flickers; then people walk two metres.
+# Consecutive frames first, which show how much depth flickers; then steps in which people walk two metres.
 FRAMES = (0, 1, 2, *range(6, 54, 6))
 PAPER_DELTA_M = 0.2
-_SAMPLED = 3  # of these frames: the last ones
-_VIEWS = 2  # that are warped
-_GHOST_SHARE = 0.05  # of its depth by which a ghost is nearer than what is there: the same for all values
+_SAMPLED = 3  # pictures are judged in this number of last frames
+_VIEWS = 2  # views that are warped
+_GHOST_SHARE = 0.05  # a ghost is nearer than the scene by this share of its depth: the same for all values
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """An automatic tolerance. values: the settings that say the same, in their units; follows: from what.
+    """An automatic tolerance.
 
-    of_model: what it is good for is seen in what had been hidden, else in whole pictures.
+    values: the settings that set the same tolerance explicitly, in their units. follows: what it is derived from.
+    of_model: whether its effect is judged in pixels that had been hidden; otherwise in whole pictures.
     """
 
     name: str
@@ -50,8 +51,11 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Means over cameras and frames. hidden: PSNR of what the warped views leave open and the model shows, dB; holes
-    after the backdrop and ghosts: fractions of the pixels."""
+    """Means over cameras and frames.
+
+    iv_psnr: dB. hidden: PSNR of the pixels that the warped views leave open and the model shows, dB. holes, ghosts:
+    fractions of the pixels, holes after the backdrop.
+    """
 
     iv_psnr: float
     hidden: float
@@ -61,7 +65,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What a value of one tolerance leads to. label: its factor to the automatic value, or where it is from."""
+    """The outcome of one value of a tolerance. label: its factor to the automatic value, or "paper"."""
 
     choice: Choice
     label: str
@@ -70,12 +74,12 @@ class Row:
 
     @property
     def figure(self) -> float:
-        """What the tolerance matters for, dB."""
+        """The figure that the tolerance is judged by, dB."""
         return self.outcome.hidden if self.choice.of_model else self.outcome.iv_psnr
 
 
 def automatic_choices(frames: Sequence[Frame], settings: Settings) -> list[Choice]:
-    """The tolerances that follow from the first two frames of a scene."""
+    """The tolerances that are derived from the first two frames of a scene."""
     cameras = [view.camera for view in frames[0].views]
     scene = Scene.of(cameras, settings, frames[0])
     model = BackgroundModel(cameras, settings, scene)
@@ -83,7 +87,7 @@ def automatic_choices(frames: Sequence[Frame], settings: Settings) -> list[Choic
         model.update(frame)
     found = model.tolerances
     delta = {"delta_m": found.delta_m, "delta_disparity": found.delta_disparity}
-    # A step of so many pixels is what would be set by hand.
+    # Set by hand, the tolerance would be edge_px: the automatic one is converted into pixels.
     edges, by_hand = (scene.triangulation(cameras[0], s).edge for s in (settings, replace(settings, edge_px=1.0)))
     return [
         Choice("delta", delta, "median depth; codes and noise of depth", True),
@@ -97,7 +101,7 @@ def automatic_choices(frames: Sequence[Frame], settings: Settings) -> list[Choic
 def sweep(
     twin: Twin, settings: Settings, frames: Sequence[int] = FRAMES, advance: Callable[[], None] = lambda: None
 ) -> list[Row]:
-    """Plays a twin with every value of every tolerance; calls `advance` after each frame."""
+    """Play the given frames of a twin with every value of every tolerance; calls `advance` after each frame."""
     settings = replace(settings, n_render=_VIEWS, n_update=max(1, len(twin.sources) // 4))
     variants = list(_variants(automatic_choices([twin_frame(twin, index) for index in frames[:2]], settings)))
     engines = {"": _engine(twin, settings)}
@@ -122,7 +126,7 @@ def sweep(
 
 
 def summarise(rows: Sequence[Row]) -> list[tuple[Row, Row, float]]:
-    """A row a choice: the automatic value's, the best one's, and how far the first is off the second, dB."""
+    """For each choice the row of the automatic value, that of the best value, and the difference in dB."""
     found = []
     for name in dict.fromkeys(row.choice.name for row in rows):
         own = [row for row in rows if row.choice.name == name]
@@ -144,7 +148,7 @@ def _variants(choices: Sequence[Choice]) -> Iterator[tuple[Choice, str, dict[str
 
 
 def _judge(engines: Mapping[str, Engine], camera: Camera, truth: View, still: View) -> dict[str, list[float]]:
-    """The figures of an `Outcome` for each engine; what is hidden is the same for all: holes of the automatic one."""
+    """The figures of an `Outcome` for each engine. Hidden pixels are the same for all: the automatic engine's holes."""
     pictures = {name: engine.render_camera(camera, camera.name) for name, engine in engines.items()}
     hidden = pictures[""].holes(warped=True)
     found = {}

@@ -1,13 +1,13 @@
-"""Speed against accuracy: what each knob costs and is worth, one at a time around `balanced`, and over a grid.
+"""Speed against accuracy: cost and benefit of each knob, one at a time around `balanced`, and over a grid.
 
-A variant is `balanced` with something changed. All play the same frames side by side, some of them apart so that people
-move on, and their pictures of later frames are compared with the truth, before they are encoded and as they arrive.
-Pictures of a smaller scale are enlarged to the truth's size first, bilinearly, as whoever shows them does.
+A variant is `balanced` with something changed. All variants play the same frames side by side. Frames are skipped in
+between, so that people move on. Pictures of later frames are compared with the truth, before encoding and as they
+arrive. Pictures of a smaller scale are first enlarged to the truth's size, bilinearly, as a display does.
 
-Times are CPU times on one thread, as ratios to `balanced`'s, which is timed again beside each: the median of several
-such pairs. What the model is made by is varied with one view a picture, so that much of it depends on the model. Two
-knobs that one might look for are none: how far filling reaches (it costs next to nothing) and the backdrop's size on
-its own (`pbi_scale` is it).
+Times are CPU times on one thread, as ratios to the time of `balanced`, which is measured again next to each variant;
+the median of several such ratios counts. The model's knobs are varied with one view per picture, so that much of the
+picture depends on the model. Two expected knobs are missing: the reach of filling, which costs next to nothing, and a
+separate size of the backdrop, which `pbi_scale` already sets.
 """
 
 from __future__ import annotations
@@ -40,7 +40,11 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """frames: how many are played, every `step`-th of the video; judged: how many of the later ones; rounds: timing."""
+    """The amount of measuring; raises ValueError for a number below 1.
+
+    frames: number of frames played, every `step`-th of the video. judged: number of later frames whose pictures are
+    judged. rounds: how often each variant is timed.
+    """
 
     frames: int = 12
     step: int = 4
@@ -57,18 +61,18 @@ class Plan:
         return list(range(0, min(self.frames * self.step, recording.frame_count), self.step))
 
     def is_judged(self, number: int, count: int) -> bool:
-        """Whether pictures of the number-th of `count` frames are judged: the last, and others of the later half."""
+        """Whether pictures of frame `number` of `count` are judged: the last is, and others of the later half are."""
         return number in np.linspace(count - 1, count // 2, self.judged).round()
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What a variant costs and is worth on a sequence or twin.
+    """Cost and benefit of a variant on a sequence or twin (`material`).
 
-    IV-PSNR and PSNR-Y in dB before encoding; sent: IV-PSNR as it arrives. Ratios of CPU time to the base: time (of
-    rendering), total (with encoding), update (a later frame in the back end), first (the first frame there). Fractions
-    of pixels: holes before the backdrop and after it. Of a pair, or of all pictures of a sequence: bytes, triangles
-    drawn. rays: of model and PBI, a later frame.
+    iv_psnr, psnr_y: dB, before encoding. sent: IV-PSNR as it arrives. Ratios of CPU time to the base's: time (of
+    rendering), total (with encoding), update (of the back end with a later frame), first (with the first frame).
+    holes_warped, holes_backdrop: fractions of pixels before and after the backdrop. bytes, triangles: encoded size and
+    triangles drawn, of a pair, or of all pictures of a sequence. rays: of model and PBI in a later frame.
     """
 
     material: str
@@ -90,16 +94,16 @@ class Row:
 
 
 def step_count(plan: Plan, recording: Recording) -> int:
-    """How many steps of progress `sweep` makes."""
+    """The number of times that `sweep` calls `progress`."""
     return len(plan.indices(recording)) + plan.rounds
 
 
 def sweep(
     recording: Recording, swept: Sequence[Variant], plan: Plan, progress: Callable[[], None] = lambda: None
 ) -> list[Row]:
-    """Play a sequence or twin through all variants side by side; a row for each, in their order.
+    """Play a sequence or twin through all variants side by side; returns a row for each, in their order.
 
-    Raises ValueError where no virtual camera has a ground truth.
+    Raises ValueError if no virtual camera has ground truth.
     """
     run = _Sweep(recording, swept, plan)
     indices = plan.indices(recording)
@@ -118,17 +122,17 @@ def sweep(
 
 @dataclass(slots=True)
 class _Figures:
-    """Samples of a variant: figures of its pictures by name, ratios of times, counts."""
+    """Samples of a variant: figures of its pictures by name, and ratios of CPU times to the base's rendering."""
 
     pictures: list[dict[str, float]] = field(default_factory=list)
     rendering: list[float] = field(default_factory=list)
-    encoding: list[float] = field(default_factory=list)  # to the base's rendering
+    encoding: list[float] = field(default_factory=list)  # of the variant
     base_encoding: list[float] = field(default_factory=list)
 
 
 @dataclass(slots=True)
 class _BackEnd:
-    """An engine, the settings that it updates with, and CPU seconds and rays of its updates."""
+    """An engine, the settings for its updates (`home`), and CPU seconds and rays of its updates."""
 
     engine: Engine
     home: Settings
@@ -137,7 +141,10 @@ class _BackEnd:
 
 
 def _key(settings: Settings) -> Settings:
-    """What variants must share to share an engine: all that a frame's update reads, size and views of pictures too."""
+    """The settings that variants must share to share an engine: all that a frame's update reads.
+
+    These include the size of pictures and the number of views.
+    """
     plain = {name: getattr(Settings(), name) for name in PER_PICTURE if name not in ("output_scale", "n_render")}
     return dataclasses.replace(settings, **plain)
 
@@ -157,7 +164,7 @@ class _Sweep:
         self._figures = [_Figures() for _ in swept]
 
     def warm_up(self, frame: Frame) -> None:
-        """Compile or load what a first frame needs: the first engine would seem dear otherwise."""
+        """Compile or load the kernels of a first frame: otherwise the first engine would seem slow."""
         first = next(iter(self._back_ends.values()))
         Engine(first.engine.cameras, first.home, f_vin=first.engine.f_vin).update(frame, self._viewers)
 
@@ -180,7 +187,7 @@ class _Sweep:
             ]
 
     def time(self) -> None:
-        """Time each variant beside its base."""
+        """Time each variant directly after its base."""
         for variant, figures in zip(self._swept, self._figures, strict=True):
             spent = []
             for settings in (variant.base, variant.settings):
@@ -232,15 +239,18 @@ def _encode(pictures: Sequence[RenderedPicture], quality: int) -> list[bytes]:
 
 
 def _timed(work: Callable[..., T], *arguments: object) -> tuple[T, float]:
-    """What some work gives, and the CPU seconds that it takes."""
+    """The result of a call, and the CPU seconds that it takes."""
     start = time.process_time()
     result = work(*arguments)
     return result, time.process_time() - start
 
 
 def _viewers(recording: Recording) -> tuple[dict[str, Viewer], Callable[[int], list[Texture]]]:
-    """Who looks, and the truths of a frame in the order of the pictures: in a twin a head where one of its virtual
-    cameras is, in a sequence all of those inside the rig."""
+    """The viewers, and a function from a frame's index to the truths in the order of the pictures.
+
+    A twin has one viewer: a head at the pose of its first virtual camera. In a sequence each virtual camera inside the
+    rig is a viewer.
+    """
     targets = default_targets(recording)
     if not isinstance(recording, TwinRecording):
         return {name: recording.camera(name) for name in targets}, lambda index: [
@@ -268,7 +278,7 @@ def _judged(picture: RenderedPicture, truth: Texture, quality: int) -> dict[str,
 
 
 def _enlarged(texture: Texture, like: Texture) -> Texture:
-    """A texture at another's size."""
+    """The texture at the size of `like`."""
     if texture.y.shape == like.y.shape:
         return texture
     return Texture(*(_resized(getattr(texture, n), getattr(like, n).shape) for n in ("y", "cb", "cr")))

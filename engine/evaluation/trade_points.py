@@ -1,4 +1,4 @@
-"""What a sweep of `trade` has found, over all that it was swept over: points, and those that are worth choosing."""
+"""Results of a sweep of `trade` over all sequences and twins: a point for each variant, and the best of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ __all__ = ["Point", "pareto", "summarise"]
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A variant over all materials: mean dB more than the base (iv_psnr, sent), mean ratios (bytes too) and holes."""
+    """A variant over all materials (sequences and twins).
+
+    iv_psnr, sent: mean gain over the base, dB. time, total, update, first, bytes: geometric means of ratios to the
+    base. holes: mean fraction of pixels after the backdrop. The names are those of `trade.Row`.
+    """
 
     kind: str
     knob: str
@@ -31,12 +35,12 @@ class Point:
 
     @property
     def label(self) -> str:
-        """For people."""
+        """The variant's name in tables and plots."""
         return self.value if self.kind in ("preset", "ladder") else f"{self.knob} {self.value}"
 
 
 def summarise(rows: Sequence[Row], swept: Sequence[Variant]) -> list[Point]:
-    """A point for each variant that has rows, over all materials."""
+    """A point over all materials for each variant that has rows."""
     points = []
     for variant in swept:
         base = next(other for other in swept if other.is_base and other.base == variant.base)
@@ -66,9 +70,10 @@ def _geometric(ratios: Iterator[float]) -> float:
 
 
 def pareto(points: Sequence[Point], cost: str, worth: str, least: float = 0.02) -> list[Point]:
-    """The points that none other beats in both, cheapest first, each worth `least` more than the one before.
+    """The points that no other point beats in both `cost` and `worth`, cheapest first.
 
-    The model's knobs are no part of it: their points have another base.
+    `cost` and `worth` are names of figures. Each point is worth at least `least` more than the one before it. Points of
+    the model's knobs are left out, because they have another base.
     """
     front: list[Point] = []
     for point in sorted(points, key=lambda p: (getattr(p, cost), -getattr(p, worth))):

@@ -1,4 +1,4 @@
-"""What a trade of speed against accuracy varies: each knob of `balanced`, presets, the governor's ladder, a grid."""
+"""The variants that `trade` compares: each knob of `balanced`, the presets, the governor's ladder, and a grid."""
 
 from __future__ import annotations
 
@@ -41,12 +41,15 @@ COLOURS: dict[str, dict[str, object]] = {
     "fine": {"blend": 5, "antialias": "samples"},
 }
 GRID = (tuple(COLOURS), (2, 3, 5), (0.5, 0.7, 1.0))  # colours, views, output scale
-FEW = 1  # views a picture where the model's knobs are varied
+FEW = 1  # views per picture while the model's knobs are varied
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """Settings, and those whose time they are measured against. kind: preset, picture, model, grid or ladder."""
+    """Settings, and the base settings whose time and quality they are measured against.
+
+    kind: preset, picture, model, grid or ladder. knob, value: what was changed.
+    """
 
     kind: str
     knob: str
@@ -56,12 +59,12 @@ class Variant:
 
     @property
     def is_base(self) -> bool:
-        """Whether it is what others are measured against."""
+        """Whether other variants are measured against this one."""
         return self.settings == self.base
 
 
 def variants() -> list[Variant]:
-    """All that are swept, each once: `balanced` first."""
+    """All variants, each once; `balanced` is the first."""
     balanced = Settings.preset("balanced")
     few = dataclasses.replace(balanced, n_render=FEW)
     found = [Variant("preset", "preset", name, Settings.preset(name), balanced) for name in ("balanced", *QUALITIES)]

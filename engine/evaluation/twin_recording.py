@@ -1,4 +1,4 @@
-"""What is rendered and judged: recordings on disk that have ground truth, and twins as recordings in memory."""
+"""Recordings to render and judge: those on disk that have ground truth, and twins as recordings in memory."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["TwinRecording", "default_targets", "find_recordings", "open_recordin
 
 @dataclass
 class TwinRecording:
-    """A twin as a `Recording`: every frame is rendered in memory when it is read."""
+    """A twin as a `Recording`: each frame is rendered in memory when it is read."""
 
     twin: Twin
     fps: float = FPS
@@ -38,40 +38,40 @@ class TwinRecording:
 
     @property
     def frame_count(self) -> int:
-        """As many as the real sequence has."""
+        """The number of frames of the real sequence."""
         return self.twin.rig.frame_count
 
     @property
     def source_names(self) -> tuple[str, ...]:
-        """The reference cameras."""
+        """Names of the reference cameras."""
         return self.twin.source_names
 
     @property
     def camera_names(self) -> tuple[str, ...]:
-        """The reference cameras and the virtual ones."""
+        """Names of the reference cameras and of the virtual ones."""
         return tuple(camera.name for camera in self.twin.cameras)
 
     @property
     def truth_names(self) -> tuple[str, ...]:
-        """The virtual cameras that a written twin has ground truth of."""
+        """Names of the virtual cameras for which a twin on disk has ground truth."""
         return self.twin.rig.target_names
 
     def camera(self, name: str, frame: int = 0) -> Camera:
-        """A camera with its pose in a frame."""
+        """The camera called `name` with its pose in `frame`; raises ValueError for an unknown name."""
         return self.twin.camera(name, frame)
 
     def poses(self, name: str) -> list[Pose] | None:
-        """The poses of a moving camera, one a frame; None for a fixed one."""
+        """The poses of a moving camera, one per frame; None for a fixed camera."""
         if name not in self.twin.rig.moving:
             return None
         return [self.camera(name, index).pose for index in range(self.frame_count)]
 
     def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
-        """All source views, or those named."""
+        """Frame `index` with the views of the source cameras `names`, by default all."""
         return twin_frame(self.twin, index, None if names is None else tuple(names))
 
     def frames(self, start: int = 0, stop: int | None = None, names: Iterable[str] | None = None) -> Iterator[Frame]:
-        """The frames [start, stop), in order; `stop` None: to the end."""
+        """The frames [start, stop) in order; without `stop`, to the end."""
         chosen = self.source_names if names is None else tuple(names)
         for index in range(start, self.frame_count if stop is None else stop):
             yield self.frame(index, chosen)
@@ -81,7 +81,7 @@ class TwinRecording:
         return self.twin.truth(self.camera(name), frame).texture
 
     def fine(self, name: str, frame: int) -> View:
-        """Ground truth with 4x4 pixels for one, a sample each."""
+        """Ground truth with 4x4 pixels in place of one, with one sample each."""
         if (name, frame) not in self._fine:
             self._fine = {key: view for key, view in self._fine.items() if key[1] == frame}
             single = dataclasses.replace(self.twin, samples=1)
@@ -89,13 +89,13 @@ class TwinRecording:
         return self._fine[name, frame]
 
     def roughness(self, name: str, frame: int) -> float:
-        """Roughness of the ground truth's own silhouettes, pixels: a twin's pictures have four samples a pixel."""
+        """Roughness in pixels of the ground truth's own silhouettes: a twin's pictures have four samples per pixel."""
         truth = self.twin.truth(self.camera(name), frame)
         disparity = truth.camera.depth.disparity(truth.codes)
         return judge_silhouettes(self.fine(name, frame), truth.texture, disparity).roughness_px
 
     def ghosts(self, name: str, frame: int, model: BackgroundModel) -> float:
-        """Fraction of pixels where the model shows what is neither there nor background."""
+        """Fraction of pixels where the model shows something that is neither there nor background (`ghosts`)."""
         camera = self.camera(name)
         if name not in self._still:
             self._still[name] = render_view(self.twin.scene, camera, 0.0, samples=1, background_only=True)
@@ -104,7 +104,10 @@ class TwinRecording:
 
 
 def find_recordings(paths: Sequence[Path]) -> list[Recording]:
-    """The recordings in the given folders: each is one, or holds some. ValueError where there is none."""
+    """The recordings in the given folders, each of which is a recording or a folder of recordings.
+
+    Raises ValueError for a folder without any.
+    """
     found = list[Recording]()
     for path in paths:
         folders = [path] if _is_sequence(path) else sorted(p for p in path.glob("*/") if _is_sequence(p))
@@ -115,7 +118,10 @@ def find_recordings(paths: Sequence[Path]) -> list[Recording]:
 
 
 def open_recording_or_twin(name: str, scale: float) -> Recording:
-    """A recording by its folder, or a twin by its name; ValueError for neither."""
+    """The recording in the folder `name`, or the twin called `name` with pictures of size `scale`.
+
+    Raises ValueError if `name` is neither.
+    """
     if name in TWINS:
         return TwinRecording(make_twin(name, scale))
     if not Path(name).is_dir():
@@ -132,7 +138,7 @@ def _is_sequence(path: Path) -> bool:
 
 
 def default_targets(recording: Recording) -> list[str]:
-    """The virtual cameras inside the rig that have ground truth; ValueError where there is none."""
+    """Names of the virtual cameras inside the rig that have ground truth; raises ValueError if there are none."""
     if isinstance(recording, TwinRecording):
         names = [camera.name for camera in inside_cameras(recording.twin)]
     else:
