@@ -1,4 +1,4 @@
-"""Numerical stability at the extremes: one table of cases that the benchmark prints and the tests run."""
+"""Numerical stability at the extremes: one table of cases, which the benchmark prints and the tests run."""
 
 from __future__ import annotations
 
@@ -14,6 +14,6 @@ __all__ = ["Case", "Row", "all_cases", "growth_cases", "run"]
 
 
 def all_cases() -> list[Case]:
-    """Every case, in the order of the table."""
+    """All cases, in the order of the table."""
     pictures = [*moved_cases(), *depth_cases(), *camera_cases()]
     return [*pictures, *ray_cases(), *growth_cases(300), *rate_cases(), *repeated_cases()]

@@ -1,4 +1,4 @@
-"""Cameras and viewers at the edges of what there can be, against the room itself."""
+"""Extreme cameras and viewers, compared with the room itself."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SOURCE = rig()[0].projection
 
 
 def camera_cases() -> list[Case]:
-    """Projections of viewers and of cameras, and places of viewers."""
+    """Cases of unusual projections of viewers and cameras, picture sizes, places of viewers, and rigs."""
     return [*_fields_of_view(), *_spheres(), *_odd_projections(), *_sizes(), *_places(), *_rigs()]
 
 
@@ -47,7 +47,7 @@ def _truth(target: Camera, cameras: Sequence[Camera] | None = None, room: Room |
 def _fields_of_view() -> list[Case]:
     cases = []
     for degrees in (1, 5, 30, 90, 120, 150, 179):
-        # So wide a picture shows the rig's 90 degrees in a few of its pixels: it is made large.
+        # A picture this wide shows the rig's 90 degrees in few of its pixels, so it is made larger.
         size = (80, 60) if degrees < 150 else (2400, 40)
         target = _target(Perspective.from_fov(*size, math.radians(degrees)))
         cases.append(Case("viewer's field of view", f"{degrees} degrees", partial(_truth, target, None, _PLAIN)))
@@ -76,7 +76,10 @@ def _spheres() -> list[Case]:
 
 
 def _odd(p: Perspective, cy: float, flatter: float) -> dict[str, Perspective]:
-    """A projection's odd relatives: one with the principal point at (-9, cy), one with pixels that are not square."""
+    """Unusual variants of a projection: mirrored, turned, with the principal point at (-9, cy), with oblong pixels.
+
+    `flatter` is the factor by which fy is reduced for the oblong pixels, while fx is doubled.
+    """
     return {
         "mirrored": dataclasses.replace(p, fx=-p.fx),
         "upside down and mirrored": dataclasses.replace(p, fy=-p.fy),
@@ -155,7 +158,7 @@ def _rigs() -> list[Case]:
 
 
 def _crowd(count: int) -> list[Camera]:
-    """So many small cameras in a cube, which look more or less ahead: what the viewer sees is within all pictures."""
+    """`count` small cameras in a cube that look roughly ahead, so that all pictures hold what the viewer sees."""
     rng, projection = np.random.default_rng(6), Perspective.from_fov(64, 48, math.radians(90))
     places = rng.uniform(-0.1, 0.1, (count, 3)).tolist()
     angles = rng.uniform(-6.0, 6.0, (count, 3)).tolist()
@@ -166,7 +169,7 @@ def _crowd(count: int) -> list[Camera]:
 
 
 def _described() -> list[Measured]:
-    """Positions and axes of a rig that was written and read."""
+    """Errors of the positions and axes of a rig that was written as JSON and read again."""
     rng = np.random.default_rng(4)
     cameras = {
         f"v{i}": Camera(f"v{i}", _FLAT, turned((x, y, z), *rng.uniform(-180, 180, 3)), CODING)
@@ -179,7 +182,7 @@ def _described() -> list[Measured]:
     pairs = [(read.cameras[name], camera) for name, camera in cameras.items()]
     place = max(float(np.abs(np.subtract(a.pose.position, b.pose.position)).max()) for a, b in pairs)
     axes = max(float(np.abs(a.pose.rotation() - b.pose.rotation()).max()) for a, b in pairs)
-    # Angles go through degrees: sines and cosines of a half turn's rounding, three of them.
+    # Angles are converted to degrees and back: the bound is three roundings of an angle of half a turn.
     return [Measured(place, 0.0, "m"), Measured(axes, 3 * 8 * 2.0**-52 * math.pi, "of an axis")]
 
 
@@ -206,18 +209,20 @@ def _sphere(width: int, height: int) -> Equirectangular:
 
 
 def _square(width: int, height: int) -> Perspective:
-    """At least 90 degrees both ways."""
+    """A perspective projection with square pixels and a field of view of at least 90 degrees in both directions."""
     focal = 0.5 * min(width, height)
     return Perspective(width, height, focal, focal, 0.5 * width, 0.5 * height)
 
 
 def _small(width: int, height: int) -> list[Measured]:
-    """A picture of a wall, nothing else, in which no pixel is solid for its size: every one shows the wall's luma,
-    as far as that differs within a pixel, and its depth."""
+    """Errors of a picture that shows a single wall and is too small for any pixel to be solid (see `pictures`).
+
+    Each pixel must show the wall's luma, up to the variation of the luma within the pixel, and the wall's depth.
+    """
     shot = Shot(_target(Perspective.from_fov(width, height, 0.02)), rig(), _PLAIN)
     picture, _engine = take(shot)
     truth = _PLAIN.look(shot.target)
-    beside = _PLAIN.look(_target(Perspective.from_fov(64, 64, 0.08)))  # all round, four times as far
+    beside = _PLAIN.look(_target(Perspective.from_fov(64, 64, 0.08)))  # a field of view four times as wide
     luma = np.abs(picture.texture.y - truth.luma).max()
     disparity = np.abs(picture.disparity * truth.depth - 1.0).max()
     return [
@@ -227,14 +232,14 @@ def _small(width: int, height: int) -> list[Measured]:
 
 
 def _nothing(target: Camera) -> list[Measured]:
-    """Pixels that are neither grey nor holes."""
+    """The number of pixels that are neither grey nor holes, where the viewer sees nothing."""
     picture, _engine = take(Shot(target, rig()))
     seen = (picture.texture.y != 512) | (picture.disparity > 0)
     return [Measured(int(seen.sum()), 0.0, "pixels")]
 
 
 def _eyes(apart: float) -> list[Measured]:
-    """Both eyes of a head against the room."""
+    """Both eyes of a head, `apart` metres from each other, against the room."""
     cameras, head = rig(), StereoView(_HOME, apart, _FLAT, _FLAT)
     engine, frame = Engine(cameras), Room().frame(cameras)
     for index in range(2):

@@ -1,4 +1,4 @@
-"""A case at an extreme: what is measured, by which oracle's error, within which bound, or how it is refused."""
+"""A case at an extreme: its measurement, the error against an oracle and its bound, or the error that refuses it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Measured:
 
     @property
     def share(self) -> float:
-        """How much of the bound is used; more than 1 is a failure, and so is what is no number."""
+        """The error as a share of the bound. More than 1 is a failure; an error that is nan gives infinity."""
         if self.error == 0.0:
             return 0.0
         return self.error / self.bound if self.bound > 0.0 and not math.isnan(self.error) else math.inf
@@ -28,8 +28,11 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One row: `measure` gives one or more measurements, of which the worst counts. A documented limit is `refused`
-    with a ValueError that this expression finds."""
+    """One row of the table.
+
+    group, value: what is extreme, and how far. measure: returns one or more measurements, of which the worst counts.
+    refused: for a documented limit, a regular expression that matches the message of the expected ValueError.
+    """
 
     group: str
     value: str
@@ -44,7 +47,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What came of a case. verdict: holds, limit (refused as documented), or fails; `said`: what was raised."""
+    """The result of a case. verdict: holds, limit (refused as documented), or fails. said: the error, if any."""
 
     case: Case
     measured: Measured | None
@@ -53,7 +56,7 @@ class Row:
 
 
 def run(case: Case) -> Row:
-    """Measure a case; only ValueErrors that it documents are no failure, and they must come."""
+    """Measure a case. It fails on any error except the ValueError that it documents, and also if that is not raised."""
     try:
         worst = max(case.measure(), key=lambda measured: measured.share)
     except Exception as error:

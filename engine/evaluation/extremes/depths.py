@@ -1,4 +1,4 @@
-"""Depth at the edges of its coding: ranges, bits, single codes, noise, surfaces seen at a grazing angle."""
+"""Depth at the extremes of its coding: ranges, bits, single codes, noise, surfaces seen at a grazing angle."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _GRAZED = Room((((-7.0, -6.0, -0.165), (9.0, 6.0, 2.8)),))  # the floor is 14 mm
 
 
 def depth_cases() -> list[Case]:
-    """Codings, codes and noise."""
+    """Cases of depth codings, codes, noise and delta."""
     return [*_codings(), *_codes(), *_noises(), *_deltas()]
 
 
@@ -50,7 +50,7 @@ def _codings() -> list[Case]:
 
 
 def _codes() -> list[Case]:
-    """One camera at whose place the viewer stands: the picture is the view."""
+    """Cases with one camera and the viewer in its place, so that the picture is the view."""
     codings = {
         "far 20 m": dataclasses.replace(CODING, has_invalid=False),
         "far infinite": DepthCoding(0.4, math.inf),
@@ -79,8 +79,10 @@ def _codes() -> list[Case]:
 
 
 def _coded(coding: DepthCoding, even: int, odd: int) -> list[Measured]:
-    """Luma against the view's own, and disparity between the least and the largest that the view has; its codes are
-    those of a chess board."""
+    """Errors of a view whose depth codes alternate between `even` and `odd` like the squares of a chess board.
+
+    Luma is compared with the view's own. Disparity must lie between the least and the largest of the view.
+    """
     camera = rig((36, 24), coding=coding)[0]
     board = np.indices((camera.height, camera.width)).sum(axis=0) % 2
     view = View(camera, Room().view(camera).texture, np.where(board, odd, even).astype(np.uint16))

@@ -1,4 +1,4 @@
-"""A static scene does not make the model grow, and one seed makes one picture."""
+"""The model does not grow while the scene is static, and one seed always gives the same picture."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .room import Room, rig
 
 __all__ = ["growth_cases", "repeated_cases"]
 
-# Of a pixel's mean over many frames and one more only four deviations are a change: at most this share of the pixels
-# is ever a stray one, each with the eight triangles of a square of its own at most.
+# A pixel changes only if a frame differs from its mean over many frames by four deviations: at most the share _STRAY of
+# the pixels ever does so by chance, and each of these has at most the eight triangles of its own square.
 _STRAY, _TRIANGLES = 0.01, 8
 
 
 def growth_cases(frames: int) -> list[Case]:
-    """So many frames of a scene in which nothing moves, with and without noise in the depth."""
+    """Cases with `frames` frames of a scene in which nothing moves, with and without noise in the depth."""
     return [
         Case("static scene", f"{frames} frames, depth noise {100 * noise:g} %", partial(_grown, frames, noise))
         for noise in (0.0, 0.003, 0.01, 0.05)
@@ -31,7 +31,7 @@ def growth_cases(frames: int) -> list[Case]:
 
 
 def repeated_cases() -> list[Case]:
-    """The same again, and on another number of threads."""
+    """Cases that render the same twice: on the same number of threads, and on another number."""
     return [
         Case("same seed", "again", partial(_again, None)),
         Case("same seed", "on 1 thread and on 2", partial(_again, 2)),
@@ -39,7 +39,10 @@ def repeated_cases() -> list[Case]:
 
 
 def _grown(frames: int, noise: float) -> list[Measured]:
-    """Triangles of the P-PBS, and those that the S-PBS has lost."""
+    """The number of triangles of the P-PBS after `frames` frames, and the number that the S-PBS has lost.
+
+    noise: standard deviation of the depth's noise, as a share of the disparity.
+    """
     views = Room().frame(rig((48, 36))).views
     engine, rng = Engine([view.camera for view in views]), np.random.default_rng(0)
     counts: list[tuple[int, int]] = []
@@ -62,7 +65,11 @@ def _noisy(view: View, noise: float, rng: np.random.Generator) -> View:
 
 
 def _again(threads: int | None) -> list[Measured]:
-    """Values that differ between two runs from one seed, on as many threads; on others, by how much at most."""
+    """Differences between two runs from one seed.
+
+    Without `threads` both runs use the usual number of threads, and differing values are counted. Otherwise the first
+    uses one thread and the second `threads`, and the largest difference of luma is measured.
+    """
     usual = thread_count()
     if threads is not None and usual < threads:
         return [Measured(0.0, 0.0, "no second thread")]

@@ -1,4 +1,4 @@
-"""The room anywhere in the world, at any scale: pictures are those at home."""
+"""The room anywhere in the world and at any scale: its pictures are those of the room at home."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from .room import CODING, Placement, rig, turned
 
 __all__ = ["moved_cases"]
 
-_EXTENT_M = 20.0  # of the room
-# Of a room's size: points, rays and hits are float32, each relative to the rig's middle; three of them add up.
+_EXTENT_M = 20.0  # size of the room
+# Rounding as a share of the room's size: points, rays and hits are float32, relative to the rig's middle; the three
+# roundings add up.
 _SINGLE = 3 * 2.0**-24
 _TARGET = Camera("target", Perspective.from_fov(80, 60, 1.4), turned((0.05, 0.11, 0.02), 4, 2, -3), CODING)
 
 
 def moved_cases() -> list[Case]:
-    """Offsets up to 10 000 km and scales over eight powers of ten, and turns about no particular axis."""
+    """Cases with offsets up to 10 000 km, scales over eight powers of ten, and turns about arbitrary axes."""
     offsets = [
         Case("world origin away by", f"{offset:g} m", partial(_placed, Placement(pose=_offset(offset))))
         for offset in (1e3, 1e5, 1e6, 1e7)
@@ -52,7 +53,11 @@ def _offset(metres: float) -> Pose:
 
 
 def _exported(kind: str, offset: float) -> list[Measured]:
-    """Vertices of the model's file against those of the model; single precision of the mesh's own extent at most."""
+    """The largest error of vertices in the model's file, against those of the model.
+
+    `kind` is "glb" or "ply", `offset` the distance of the room in metres. The bound is single precision relative to the
+    mesh's own extent.
+    """
     _picture, engine = take(Shot(_TARGET, rig()), Placement(pose=_offset(offset)))
     mesh = engine.mesh()
     data = io.BytesIO((to_glb if kind == "glb" else to_ply)(mesh))
@@ -66,6 +71,6 @@ def _exported(kind: str, offset: float) -> list[Measured]:
 
 
 def _placed(placement: Placement) -> list[Measured]:
-    # Each position is rounded to double precision in the world, then taken relative to the rig's middle.
+    # Each position is rounded to double precision in the world, before the rig's middle is subtracted.
     world = 2.0 * float(np.spacing(max(map(abs, placement.pose.position)))) / placement.scale
     return against_home(Shot(_TARGET, rig()), placement, world + _SINGLE * _EXTENT_M)

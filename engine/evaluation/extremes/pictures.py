@@ -1,8 +1,8 @@
-"""Pictures of a placed room, and how far they are from the truth or from one another.
+"""Pictures of a placed room, and their differences from the truth or from one another.
 
-Two oracles: the room itself, and the same picture of the room at home. Both are compared on *solid* pixels, where
-nothing is left to chance: no silhouette is near in the picture, nor in any camera round the point's image, and some
-camera shows it. Everywhere else rounding may decide between two surfaces.
+There are two oracles: the room itself, and the same picture of the room at home. Only *solid* pixels are compared.
+A pixel is solid if no silhouette is near it in the picture, none is near the point's image in any camera, and some
+camera shows the point. In all other pixels rounding may decide between two surfaces.
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ from .room import HOME, Placement, Room, Sight
 __all__ = ["Shot", "against_home", "against_truth", "take"]
 
 
-_CALM_PX = 3  # with no silhouette round a pixel: a texel's footprint, and a pixel each of blending and smoothing
-_CODE = 1.0  # rounding of a source's code and of the picture's, half a code each
+_CALM_PX = 3  # least distance of silhouettes: a texel's footprint, and one pixel each for blending and smoothing
+_CODE = 1.0  # two roundings, of a source's code and of the picture's, half a code each
 
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture of a room from a rig, all as it stands at home; `frames` times the same frame is shown.
+    """A picture of a room from a rig; everything is described as it stands at home.
 
-    noise: the largest share of its disparity by which a pixel's depth is wrong, evenly spread.
+    frames: how often the same frame is shown before the picture is taken. noise: the largest error of a pixel's depth
+    as a share of its disparity; errors are evenly distributed.
     """
 
     target: Camera
@@ -49,7 +50,7 @@ class Shot:
     noise: float = 0.0
 
     def frame(self) -> Frame:
-        """What the rig records."""
+        """The frame that the rig records, with noise."""
         rng, views = np.random.default_rng(5), []
         for view in self.room.frame(self.cameras).views:
             wrong = 1.0 + self.noise * rng.uniform(-1.0, 1.0, view.codes.shape)
@@ -59,7 +60,7 @@ class Shot:
 
 
 def take(shot: Shot, placement: Placement = HOME) -> tuple[RenderedPicture, Engine]:
-    """The picture with the background model behind it, everything placed in the world."""
+    """The picture with the background model, and its engine; room, rig and target are placed in the world."""
     target, frame = placement.camera(shot.target), placement.frame(shot.frame())
     engine = Engine([view.camera for view in frame.views], shot.settings)
     for index in range(shot.frames):
@@ -68,11 +69,11 @@ def take(shot: Shot, placement: Placement = HOME) -> tuple[RenderedPicture, Engi
 
 
 def against_truth(shot: Shot, picture: RenderedPicture) -> list[Measured]:
-    """Disparity and luma of a picture at home against the room's; raises ValueError where no pixel is solid.
+    """Disparity and luma of a picture at home against the room's; raises ValueError if no pixel is solid.
 
-    The mesh is within its tolerance (pixels of parallax at the rig's radius) of what was coded: surfaces may be moved
-    by as much, and a slope or a gradient makes that a difference in disparity or luma. Interpolation between texels,
-    or their mean, adds half the curvature of the luma over a texel, in pixels of the picture.
+    The mesh is within its tolerance (pixels of parallax at the rig's radius) of the coded depth. Surfaces may be moved
+    by this tolerance, which a slope or a gradient turns into a difference in disparity or luma. Interpolation between
+    texels, or their mean, adds half the curvature of the luma over a texel, in pixels of the picture.
     """
     truth = shot.room.look(shot.target)
     solid = _solid(shot, truth)
@@ -89,11 +90,12 @@ def against_truth(shot: Shot, picture: RenderedPicture) -> list[Measured]:
 
 
 def _moved(shot: Shot, truth: Sight) -> tuple[F64, F64, F64]:  # [h, w] each
-    """By how much what the target sees may be moved along its rays (disparity, 1/m), and across them (radians); and how
-    long a camera's texel is there (pixels of the picture, at least 1).
+    """Bounds on how far the points that the target sees may be moved, and the length of a camera's texel there.
 
-    A camera's mesh is off by its tolerance or the rounding of codes, along the camera's rays. With noise it is off by
-    as much at its corners, and goes on by as much to a pixel between them."""
+    Points may be moved along the target's rays (disparity, 1/m) and across them (radians). The texel's length is in
+    pixels of the picture, at least 1. A camera's mesh is off along the camera's rays by its tolerance or the rounding
+    of codes. With noise, its corners are off by as much as the noise, and pixels between corners by as much again.
+    """
     scene = Scene.of(shot.cameras, shot.settings, shot.frame())
     points = _points(shot.target, truth)
     eye = np.linalg.norm(points - shot.target.pose.position, axis=-1)
@@ -112,11 +114,11 @@ def _moved(shot: Shot, truth: Sight) -> tuple[F64, F64, F64]:  # [h, w] each
 
 
 def against_home(shot: Shot, placement: Placement, rounding_m: float) -> list[Measured]:
-    """A placed picture against that at home, and the model's triangles that survived.
+    """A placed picture against the picture at home, and the model's triangles that survived in both.
 
-    `rounding_m`: by how much positions are rounded on the way, in metres of the room. What that moves in the picture
-    makes a difference of less than one code; one code is what two roundings to whole codes may be apart. Of the
-    triangles those may be judged otherwise whose distance to a bound of delta is within rounding.
+    `rounding_m` is the rounding of positions on the way, in metres of the room; it may move the picture. Two roundings
+    to whole codes may differ by one code. Triangles may be judged differently if their distance to a bound of delta is
+    within the rounding.
     """
     (home, at_home), (away, elsewhere) = take(shot), take(shot, placement)
     truth = shot.room.look(shot.target)
@@ -136,14 +138,13 @@ def against_home(shot: Shot, placement: Placement, rounding_m: float) -> list[Me
 
 
 def _worst(error: F64, bound: F64, solid: B1, unit: str) -> Measured:
-    """The pixel that uses most of its bound."""
+    """Error and bound of the solid pixel with the largest share of its bound."""
     at = np.argmax(np.where(solid, np.nan_to_num(error / bound, nan=np.inf), -1.0))
     return Measured(float(error.ravel()[at]), float(bound.ravel()[at]), unit)
 
 
 def _solid(shot: Shot, truth: Sight) -> B1:  # [h, w]
-    """Pixels without a silhouette near by, in the picture or in a camera that has the point in its picture; at least
-    one camera shows it."""
+    """Mask of the solid pixels: see the module's docstring."""
     points = _points(shot.target, truth)
     solid, shown = _calm(truth.surface, _CALM_PX), np.zeros(truth.surface.shape, bool)
     for camera in shot.cameras:
@@ -152,7 +153,7 @@ def _solid(shot: Shot, truth: Sight) -> B1:  # [h, w]
         with np.errstate(invalid="ignore"):
             inside = (depth > 0) & (uv >= 0).all(-1) & (uv[..., 0] < camera.width) & (uv[..., 1] < camera.height)
         x, y = (np.where(inside, c, 0).astype(int) for c in (uv[..., 0], uv[..., 1]))
-        # A pixel of the picture may be many of the camera's.
+        # A pixel of the picture may cover many pixels of the camera.
         reach = math.ceil(_CALM_PX * max(1.0, pixels_per_radian(camera) / pixels_per_radian(shot.target)))
         calm, same = _calm(sight.surface, reach)[y, x], sight.surface[y, x] == truth.surface
         solid &= ~inside | (calm & (same | (depth > sight.depth[y, x])))
@@ -162,13 +163,13 @@ def _solid(shot: Shot, truth: Sight) -> B1:  # [h, w]
 
 
 def _points(camera: Camera, sight: Sight) -> F64:  # [h, w, 3]
-    """What a camera sees, in the room."""
+    """The points of the room that a camera sees, metres."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     return camera.unproject(np.stack([u, v], axis=-1), np.where(np.isfinite(sight.depth), sight.depth, 1.0))
 
 
 def _calm(surface: npt.NDArray[np.int64], reach: int) -> B1:
-    """Pixels with one surface all around; beyond the picture there is none."""
+    """Mask of pixels with a single surface within `reach` pixels; what lies outside the picture is another surface."""
     size = 2 * reach + 1
     padded = np.pad(surface, reach, constant_values=-2)
     rows = np.lib.stride_tricks.sliding_window_view(padded, size, axis=0)
@@ -178,8 +179,10 @@ def _calm(surface: npt.NDArray[np.int64], reach: int) -> B1:
 
 
 def _texel(camera: Camera, points: F64) -> F64:  # [h, w, 3] -> [h, w]
-    """Length of a camera's texel in a picture of these points, pixels: the inverse of how little a step in the picture
-    moves the point's image in the camera. 0 where there is none."""
+    """Length of a camera's texel in a picture of these points, in pixels of the picture; 0 where there is no texel.
+
+    It is the inverse of the least distance by which a step of one pixel moves the point's image in the camera.
+    """
     uv, _depth = camera.project(points)
     turn = camera.width if camera.wraps else np.inf
     steps = []
@@ -196,7 +199,7 @@ def _texel(camera: Camera, points: F64) -> F64:  # [h, w, 3] -> [h, w]
 
 
 def _stretch(camera: Camera) -> F64:  # [h, w]
-    """Pixels a radian, to those in the middle of the picture."""
+    """Pixels per radian in each pixel, relative to the middle of the picture."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     directions = camera.projection.directions(np.stack([u, v], axis=-1))
     if isinstance(camera.projection, Perspective):
@@ -209,7 +212,10 @@ def _stretch(camera: Camera) -> F64:  # [h, w]
 
 
 def _steepest(values: F64) -> F64:
-    """The largest step to a pixel within two, among these; infinite where something there is no number."""
+    """The largest step between neighbours among the pixels within two of each pixel [h, w].
+
+    It is infinite or nan where a value there is not finite.
+    """
     steps = np.zeros(values.shape)
     for axis in (0, 1):
         step = np.abs(np.diff(values, axis=axis))
@@ -221,7 +227,7 @@ def _steepest(values: F64) -> F64:
 
 
 def _sharpest(values: F64) -> F64:
-    """The largest second difference within two pixels."""
+    """The largest second difference among the pixels within two of each pixel [h, w]."""
     bends = np.zeros(values.shape)
     for axis in (0, 1):
         bend = np.abs(np.diff(values, n=2, axis=axis))

@@ -1,4 +1,4 @@
-"""Video and pictures at rates a hundred times apart, for an engine that shows the newest frame."""
+"""Video and pictures with rates that differ by a factor of a hundred, for an engine that shows the newest frame."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .room import CODING, Room, rig, turned
 __all__ = ["rate_cases"]
 
 _TIMES = 100
-_STEP_M = 0.01  # by which everything that hangs in the room moves in a frame
+_STEP_M = 0.01  # distance that each box hanging in the room moves per frame
 
 
 def rate_cases() -> list[Case]:
-    """Many frames a picture, and many pictures a frame."""
+    """Cases with many frames per picture, and with many pictures per frame."""
     return [
         Case("frames a picture", f"{_TIMES}, in which all moves", _frames_a_picture),
         Case("pictures a frame", f"{_TIMES}, from a moving head", _pictures_a_frame),
@@ -27,13 +27,13 @@ def rate_cases() -> list[Case]:
 
 
 def _target(turn: float = 0.0) -> Camera:
-    """A head at a turn of its way round, in radians."""
+    """A head on its closed path, at the angle `turn` in radians."""
     place = (0.05 + 0.05 * np.cos(turn), 0.11 * np.cos(3.0 * turn), 0.02 + 0.05 * np.sin(turn))
     return Camera("target", Perspective.from_fov(80, 60, 1.4), turned(place, 4 * np.sin(turn), 2, -3), CODING)
 
 
 def _frames_a_picture() -> list[Measured]:
-    """A picture after the first frame, and one after a hundred more, against the last one's room."""
+    """A picture after the first frame and one after a hundred more, each against the room of its frame."""
     cameras, target = rig(), _target()
     engine = Engine(cameras)
     found: list[Measured] = []
@@ -47,7 +47,7 @@ def _frames_a_picture() -> list[Measured]:
 
 
 def _later(index: int) -> Room:
-    """The room so many frames later: one box has gone to the left, the other to the right."""
+    """The room `index` frames later: one box has moved to the left, the other to the right."""
     room = Room()
     boxes = np.array(room.boxes)
     boxes[1:, :, 1] += _STEP_M * index * np.array([[1.0], [-1.0]])
@@ -55,7 +55,7 @@ def _later(index: int) -> Room:
 
 
 def _pictures_a_frame() -> list[Measured]:
-    """A hundred pictures against the room; they change nothing of the model, nor of the first picture seen again."""
+    """A hundred pictures against the room; they must change neither the model nor a repetition of the first picture."""
     shot = Shot(_target(), rig(), frames=1)
     first, engine = take(shot)
     before = engine.status()

@@ -1,4 +1,4 @@
-"""Rays do not leak; bad triangles hide nothing and show nothing; culling does not depend on order, place or turn."""
+"""Rays do not leak; bad triangles neither hide nor show anything; culling does not depend on order, place or turn."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ __all__ = ["ray_cases"]
 
 _PLAIN = Room(Room().boxes[:1])
 _DELTA = 0.1
-# A ray's origin, its direction and the distance to the hit are rounded to single precision, each coordinate of them.
+# A ray's origin, its direction and the distance to the hit are rounded to single precision: seven numbers.
 _ROUNDINGS = 7 * 2.0**-24
 
 
 def ray_cases() -> list[Case]:
-    """Watertightness, bad triangles, layers, and culling."""
+    """Cases of watertightness, bad triangles, layers and culling."""
     leaks = [
         Case("leaks of a closed mesh", name, partial(_leaks, rays, scale, offset))
         for name, rays, scale, offset in (
@@ -57,7 +57,7 @@ def ray_cases() -> list[Case]:
 
 
 def _ball(rough: float) -> tuple[F64, npt.NDArray[np.int32]]:
-    """Points and triangles of a closed, rough ball of radius 1: a grid of azimuths between two poles."""
+    """Points and triangles of a closed, rough ball of radius 1 to 1 + rough: a grid of azimuths between two poles."""
     columns, rows = 160, 80
     k = np.arange(1, rows)
     theta, phi = np.meshgrid(np.pi * k / rows, 2 * np.pi * np.arange(columns) / columns, indexing="ij")
@@ -80,7 +80,7 @@ def _ball(rough: float) -> tuple[F64, npt.NDArray[np.int32]]:
 
 
 def _packed(pbs: ProbableBackgroundSurface) -> Tracer:
-    """The ray tracer's scene, as kernels take it."""
+    """The ray tracer's scene in the form that kernels take."""
     assert isinstance(pbs.tracer, EmbreeTracer)
     return pbs.tracer.packed
 
@@ -98,7 +98,11 @@ def _mesh(points: F64, triangles: npt.NDArray[np.int32]) -> Mesh:
 
 
 def _leaks(rays: int, scale: float, offset: float) -> list[Measured]:
-    """Of so many rays each toward insides, sides and corners of triangles."""
+    """The number of rays that miss a closed ball from inside.
+
+    `rays` rays each go towards insides, sides and corners of its triangles. `scale` is the ball's radius and `offset`
+    its distance from the origin along each axis, metres.
+    """
     points, triangles = _ball(0.1)
     mesh = _mesh(scale * points + offset, triangles)
     sphere = Equirectangular(8192, 4096, (-np.pi, np.pi), (-np.pi / 2, np.pi / 2))
@@ -115,7 +119,7 @@ def _leaks(rays: int, scale: float, offset: float) -> list[Measured]:
 
 
 def _walls(kind: int) -> Mesh:
-    """The room's walls: two triangles each (0), slivers (1), with triangles without area (2) or all twice (3)."""
+    """The room's walls by `kind`: two triangles each (0), slivers (1), with zero-area triangles (2), all thrice (3)."""
     low, high = np.array(_PLAIN.boxes[0])
     points = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -130,7 +134,7 @@ def _walls(kind: int) -> Mesh:
 
 
 def _cut_into_slivers(points: F64, triangles: Sequence[tuple[int, ...]]) -> tuple[F64, list[tuple[int, ...]]]:
-    """Fans from a corner of each triangle to its opposite side: some sides are a hundred-thousandth as long."""
+    """Fans from a corner of each triangle to points on its opposite side, some only 1e-5 of that side apart."""
     shares = np.sort(np.concatenate([np.geomspace(1e-5, 0.5, 40), 1.0 - np.geomspace(1e-5, 0.4, 40)]))
     out: list[tuple[int, ...]] = []
     for a, b, c in triangles:
@@ -142,7 +146,10 @@ def _cut_into_slivers(points: F64, triangles: Sequence[tuple[int, ...]]) -> tupl
 
 
 def _farthest(kind: int) -> list[Measured]:
-    """Distances of the farthest hits against the walls'; what a sideways shift changes grows with the slant."""
+    """The error of the farthest hits' distances to the walls of `kind`.
+
+    The bound grows with the slant, because a sideways shift changes the distance more on a slanted wall.
+    """
     camera = Camera("eye", Perspective.from_fov(192, 144, 2.2), turned((0.3, -0.7, 0.2), 33, 21, 12), CODING)
     pbs = _surface_of(_walls(kind))
     found = np.empty((camera.height, camera.width))
@@ -162,8 +169,11 @@ def _farthest(kind: int) -> list[Measured]:
 
 
 def _layers(share: float) -> list[Measured]:
-    """Two walls, one behind the other by a share of delta: both stay up to half a delta along the rays (at most 1.5
-    times as long as at right angles), beyond that the farther."""
+    """Triangles judged wrongly among two walls, one behind the other by `share` times delta.
+
+    Both walls stay if they are at most half a delta apart along the rays (where distances are at most 1.5 times as long
+    as at right angles); beyond that only the farther wall stays.
+    """
     camera = Camera("eye", Perspective.from_fov(96, 72, 1.4), turned((0.0, 0.0, 0.0), 0), CODING)
     near, far = (_wall(camera, depth) for depth in (4.0, 4.0 + share * _DELTA))
     pbs = _surface_of(near, far)
@@ -182,7 +192,10 @@ def _wall(camera: Camera, depth: float) -> Mesh:
 
 
 def _culled(order: Sequence[int], placement: Placement = HOME) -> tuple[list[npt.NDArray[np.uint8]], float]:
-    """What culling leaves invalid of all views' meshes together, by their order of being asked; delta."""
+    """For each view the flags of its mesh's triangles after culling (1: invalid), and delta in metres.
+
+    The meshes of all views are one surface; the cameras mark it in the given order.
+    """
     settings = Settings.preset("balanced")
     frame = placement.frame(Room().frame(rig()))
     cameras = [view.camera for view in frame.views]
@@ -206,7 +219,7 @@ def _differences(one: list[npt.NDArray[np.uint8]], other: list[npt.NDArray[np.ui
 
 
 def _order() -> list[Measured]:
-    """Triangles judged otherwise when the cameras are asked in another order."""
+    """The number of triangles that are judged differently when the cameras mark in another order."""
     at_first, _delta = _culled((0, 1, 2, 3))
     if not sum(int(invalid.sum()) for invalid in at_first):
         raise ValueError("culled triangles: none: expected some")
@@ -215,8 +228,10 @@ def _order() -> list[Measured]:
 
 
 def _elsewhere(placement: Placement) -> list[Measured]:
-    """Triangles judged otherwise when the whole scene stands elsewhere: those whose samples lie within rounding of a
-    bound of delta, or of a triangle's or a picture's border."""
+    """The number of triangles that are judged differently when the whole scene stands elsewhere.
+
+    It may happen where samples lie within rounding of a bound of delta, or of a triangle's or a picture's border.
+    """
     home, delta = _culled((0, 1, 2, 3))
     count = sum(len(invalid) for invalid in home)
     rounding = _ROUNDINGS * 20.0 + 4.0 * float(np.spacing(max(map(abs, placement.pose.position)))) / placement.scale
