@@ -1,6 +1,7 @@
 """The engine: renders stereo views of RGB-D video and builds its background model. Opens no socket.
 
-What a program needs most is here, each name loaded when it is first asked for: importing the package loads no compiler.
+The names that programs need most are here. Each is loaded when it is first used, so importing the package loads no
+compiler.
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ QUALITIES = ("fast", "balanced", "best")
 PRESETS = (*QUALITIES, "paper")
 ANTIALIASES = ("none", "morphological", "samples")
 BACKDROPS = ("farthest", "standing")
-# What only rendering and encoding a picture read: may change from picture to picture (`Engine.retune`). What the
-# model and the meshes are made by stays as long as the engine lives.
+# Settings that only the rendering and encoding of a picture read: they may change from picture to picture
+# (`Engine.retune`). The settings of the model and of the meshes stay as long as the engine lives.
 PER_PICTURE = (
     "n_render", "fill", "settles", "overdraw", "ghost_test", "rims", "output_scale", "blend", "antialias", "cubic",
     "prefilter", "jpeg_quality",
@@ -24,65 +24,68 @@ PER_PICTURE = (
 class Settings:
     """How to render and how to model the background. The paper's names are in brackets.
 
-    Lengths in metres, pixels where a name ends in _px. A tolerance of None follows from the scene.
+    Lengths are in metres, or in pixels where a name ends in _px. A tolerance of None is derived from the scene.
     """
 
-    n_render: int = 5  # views warped a picture (n_rv^render)
+    n_render: int = 5  # views warped per picture (n_rv^render)
     n_init: int = 6  # views that build the S-PBS (n_rv^init)
-    n_update: int = 1  # views that update the P-PBS a frame (n_rv^update)
-    update_interval: int = 1  # the model takes every so many video frames; pictures still show each
+    n_update: int = 1  # views that update the P-PBS per frame (n_rv^update)
+    update_interval: int = 1  # the model is updated once in this number of video frames; pictures show every frame
     background: bool = True  # keep and render the background model
-    fill: str = "structure"  # what is left: grey (none), blurred (smooth), or near its rims continued (structure)
-    settles: bool = True  # what fills a hole stays while the head is still
-    tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles a pixel
+    fill: str = "structure"  # remaining holes: grey (none), blurred (smooth), their rims continued inwards (structure)
+    settles: bool = True  # the filling of a hole stays the same while the head is still
+    tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles per pixel
     edge_px: float | None = None  # disparity step between neighbours that is a depth edge, reprojected pixels
-    completion: bool = True  # pixels without depth get one (30 ms of one core a megapixel); others cost nothing
+    completion: bool = True  # give depth to pixels without depth: 30 ms of one core per megapixel, if there are any
     overdraw: bool = True  # lay the backdrop over everything, not only where the views left holes
-    # The backdrop is not shown where one of the present views looks through it; a hole shows the surface that a view
-    # which is not drawn has there. If False, only depth decides.
+    # The backdrop is not shown where one of the present views sees past it. A hole shows the surface that a present
+    # view sees there, even if that view is not drawn. If False, only depth decides.
     ghost_test: bool = True
     rims: bool = True  # pixels at depth edges keep their full square where no view has a surface
-    model_rims: bool = True  # so do those of the model; False: triangles across edges are only culled
+    model_rims: bool = True  # the same for pixels of the model; False: triangles across edges are only culled
     baseline_m: float | None = None  # how far viewers are from the cameras; None: the rig's radius
-    # Heads stay in a ball, x, y, z and radius in metres of the world: what of the background faces away from all of it,
-    # or is hidden from it by other background, is not kept. None: they go anywhere.
+    # Heads stay in this ball: x, y, z and radius, metres in the world. Background that faces away from the whole ball,
+    # or that other background hides from it, is not kept. None: heads go anywhere.
     viewing_space: tuple[float, float, float, float] | None = None
     max_block_px: int = 32  # largest leg of a triangle in the source picture; a power of two up to 32
     delta_m: float | None = None  # culling tolerance (delta), the same at all depths; the paper's is 0.2
-    # Where depth is far less certain than near by: delta as an error of disparity, 1/m, where that is more than
-    # delta_m. None: follows from depth codes and noise; nothing where delta_m is set.
+    # Depth is far less certain far away than near by. This is delta as an error of disparity, 1/m; it counts where it
+    # allows more than delta_m. None: derived from depth codes and noise, or 0 where delta_m is set.
     delta_disparity: float | None = None
-    margin_m: float | None = None  # by how much a maximum depth image's surface must be farther than the last one
+    margin_m: float | None = None  # least depth increase that updates a pixel of a maximum depth image
     backdrop_m: float | None = None  # how far the backdrop is moved backwards; None: by delta at its depth
-    culling_stride: int = 0  # pixels between culling rays; 1: two rays a pixel (section 3.3.2); 0: rays by triangle
+    culling_stride: int = 0  # pixels between culling rays; 1: two rays per pixel (section 3.3.2); 0: rays by triangle
     # Triangles that the rays through pixels missed get rays of their own before they are culled. If False (then
     # culling_stride must be 1 or more), they are culled at once, and only cameras that build the S-PBS cast its rays.
     rays_by_triangle: bool = True
-    # A pixel that is found farther joins the P-PBS only if at least this number of its eight neighbours belong to it or
-    # join it too; 0: alone as well.
+    # A pixel that passes the triangle filter joins the P-PBS only if at least this number of its eight neighbours
+    # belong to the P-PBS or join it too; 0: it also joins alone.
     filter_neighbours: int = 3
-    # Maximum depth images average surfaces that are seen again where depth is noisy, and replace colours that were seen
-    # at an outline. If False, a pixel changes only when something farther is seen.
+    # Where depth is noisy, maximum depth images average a surface that is seen again; they also replace colours that
+    # were seen at an outline. If False, a pixel changes only when something farther is seen.
     refine: bool = True
-    backdrop: str = "standing"  # shown of the model behind a pixel: the nearest that stands, or the paper's "farthest"
+    backdrop: str = "standing"  # surface of the model shown in a pixel: the nearest that stands, or the "farthest"
     pbi_scale: float = 1.0  # PBI pixels for each pixel of an eye
-    pbi_margin_rad: float = math.radians(3.0)  # what it shows beyond the eyes' frusta, for heads that turn meanwhile
-    # Size of pictures to that asked for, each way. They are rendered and sent at that size, with the field of view
-    # that was asked for, and whoever shows them enlarges them, as headsets and browsers do in any case.
+    pbi_margin_rad: float = math.radians(3.0)  # how far the PBI reaches beyond the eyes' frusta, for heads that turn
+    # Ratio of the size of pictures to the requested size, in each direction. Pictures are rendered and sent at the
+    # scaled size with the requested field of view. The display enlarges them, as headsets and browsers do in any case.
     output_scale: float = 1.0
-    # Time constant in seconds of following the views' exposure and white balance, whose differences are removed; 0:
-    # they stay. A twin with differences of 15 % gains 1 to 6 dB PSNR-Y (bench --exposure museum), equal views lose
-    # nothing; the back end spends a few milliseconds a frame on it, whatever the pictures' size.
+    # Differences between the views' exposures and white balances are removed; this is the time constant, in seconds,
+    # with which they are followed. 0: they are not removed. A twin with differences of 15 % gains 1 to 6 dB PSNR-Y
+    # (bench --exposure museum), equal views lose nothing. It costs the back end a few milliseconds per frame,
+    # whatever the size of the pictures.
     exposure_s: float = 0.5
     blend: int = 3  # how many of the rendered views may contribute to a pixel's colour
-    # Silhouettes: morphological blends them by the staircase they make (3 ns a pixel), samples draws and shades them
-    # from four samples a pixel (more than half a picture's time again). Either gains 0.3 dB PSNR-Y and up to 0.3 dB
-    # IV-PSNR where outlines are many (Atrium t1), and may lose as much IV-PSNR, which forgives staircases.
+    # Anti-aliasing of silhouettes. morphological: blended according to the shape of their staircases (3 ns per pixel);
+    # samples: drawn and shaded from four samples per pixel (this adds more than half of a picture's time). Either
+    # gains 0.3 dB PSNR-Y and up to 0.3 dB IV-PSNR in pictures with many outlines (Atrium t1), and may lose as much
+    # IV-PSNR elsewhere, as that metric forgives staircases.
     antialias: str = "none"
     cubic: bool = False  # cubic instead of bilinear interpolation where colours are rough; a fifth more shading time
-    # Views with 1.74 pixels or more to one of the picture's lend it colours averaged first, surface by surface.
-    # At 2 a pixel two twins gain 2.5 to 4 dB PSNR-Y (fast: 1.6) and one none, but 0.02 SSIM; at 4 a pixel all gain 1.5
-    # to 6 dB (bench --minified). Costs a view 2 to 3 ms of one core a megapixel; finer pictures nothing.
+    # Colours of a view that has 1.74 or more pixels for each of the picture's are averaged first, surface by surface.
+    # With a ratio of 2, two twins gain 2.5 to 4 dB PSNR-Y (fast: 1.6) and one none, but 0.02 SSIM; with 4, all gain
+    # 1.5 to 6 dB (bench --minified). This costs 2 to 3 ms of one core per megapixel of a view, and nothing for views
+    # with a lower ratio.
     prefilter: bool = True
     jpeg_quality: int = 90
 
@@ -120,9 +123,9 @@ class Settings:
 
     @classmethod
     def preset(cls, quality: str = "balanced", **changes: object) -> Settings:
-        """The settings of a quality (fast, balanced, best) or of the paper (`Settings.paper`), with changes on top.
+        """The settings of a quality (fast, balanced, best) or of the paper (`Settings.paper`), with `changes` applied.
 
-        Raises ValueError for an unknown quality, or a change out of range; TypeError for an unknown setting.
+        Raises ValueError for an unknown quality or a change out of range, TypeError for an unknown setting.
         """
         presets = {
             "paper": cls.paper(),
@@ -136,24 +139,24 @@ class Settings:
 
     @classmethod
     def paper(cls) -> Settings:
-        """The published algorithm with its constants, and none of what we have added to it.
+        """The published algorithm with its constants, without our additions.
 
         n_render, n_init, n_update: 5, 6 and 1 (section 4.1). delta_m: "the threshold delta, used in the foreground
-        culling process, was set to 0.2" (4.1), at all depths; the paper names no other length, so that margin_m ("only
+        culling process, was set to 0.2" (4.1), at all depths. The paper names no other length, so margin_m ("only
         if the new depth is farther by a nontrivial amount", 3.3.3) is delta too. backdrop_m: None, delta ("moved
         slightly backward", 3.4.2). tolerance_px, max_block_px: "each pixel is responsible for two triangles" (Fig. 4).
         rims, model_rims: "invalid, long and thin, back-projected triangles along the borders of objects are culled"
-        (Fig. 4), and nothing takes their place; at which depth step (edge_px), the paper does not say.
+        (Fig. 4), and nothing takes their place. The paper does not say which depth step is an edge (edge_px).
         culling_stride: "casting two rays through each pixel of their view planes"; rays_by_triangle: "all triangles
         except the valid ones are culled", and those rays are cast for the "participating reference cameras" (3.3.2);
         complementary rays follow every hit within delta (Fig. 6a). filter_neighbours: a candidate is added "when it is
         more than distance delta behind" (Fig. 6b). refine: each pixel "stores the color and depth to the farthest
         surface observed" (3.3.3). backdrop: "finding the farthest hits seen from the imaginary camera"; pbi_margin_rad:
-        "slightly larger" than the frusta (3.4.1); pbi_scale 1, as the paper names no other size. overdraw: views "are
-        3D warped onto these background images" (3.4.2), by depth alone (ghost_test). fill: "blended from the colors of
-        neighboring pixels in nonhole areas, with those having farther depths more weighted" (3.4.3); settles: for each
-        picture anew. blend: of the warped triangles the nearest shows. completion, exposure_s, antialias, cubic and
-        prefilter are not in the paper.
+        "slightly larger" than the frusta (3.4.1); pbi_scale: 1, as the paper names no other size. overdraw: views "are
+        3D warped onto these background images" (3.4.2); ghost_test: by depth alone. fill: "blended from the colors of
+        neighboring pixels in nonhole areas, with those having farther depths more weighted" (3.4.3); settles: each
+        picture is filled anew. blend: the nearest of the warped triangles gives the colour. completion, exposure_s,
+        antialias, cubic and prefilter are not in the paper.
 
         These steps differ: n_render views are chosen by the overlap of fields of view (3.1 allows it, 4.1 took the
         nearest cameras); the filter of Fig. 6b casts its rays through the pixels of a camera, the corners of new
@@ -170,7 +173,7 @@ class Settings:
         )  # fmt: skip
 
     def fixed_as_in(self, other: Settings) -> None:
-        """Raises ValueError where something differs that cannot change from picture to picture (`PER_PICTURE`)."""
+        """Raises ValueError if a setting differs that may not change from picture to picture (not in `PER_PICTURE`)."""
         for field in fields(self):
             mine, theirs = getattr(self, field.name), getattr(other, field.name)
             if field.name not in PER_PICTURE and mine != theirs:

@@ -1,4 +1,4 @@
-"""Textures as pictures that others read: JPEG (BT.709 limited-range Y'CbCr 4:2:0), raw planes, PNG files."""
+"""Textures as pictures for other programs: JPEG (BT.709 limited-range Y'CbCr 4:2:0), raw planes, PNG files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ENCODINGS = ("jpeg", "raw")
 def encode_picture(texture: Texture, encoding: str, quality: int = 90) -> bytes:
     """A texture as bytes.
 
-    jpeg: JFIF of a quality from 1 to 100. raw: the planes Y, Cb, Cr one after the other, rows of 10-bit codes as
+    jpeg: JFIF with `quality` from 1 to 100. raw: the planes Y, Cb, Cr one after the other, rows of 10-bit codes as
     little-endian uint16 (see `split_planes`). Raises ValueError for another encoding.
     """
     if encoding == "jpeg":
@@ -33,7 +33,10 @@ def encode_picture(texture: Texture, encoding: str, quality: int = 90) -> bytes:
 
 
 def split_planes(data: bytes, height: int, width: int) -> Sequence[memoryview]:
-    """The planes Y, Cb, Cr in raw bytes of a picture (`encode_picture`), not copied."""
+    """The planes Y, Cb, Cr in a picture's raw bytes (`encode_picture`), not copied.
+
+    Raises ValueError where the number of bytes does not fit the size.
+    """
     whole, luma, chroma = memoryview(data), 2 * height * width, 2 * ((height + 1) // 2) * ((width + 1) // 2)
     if len(whole) != luma + 2 * chroma:
         raise ValueError(f"picture: {len(whole)} bytes: expected {luma + 2 * chroma} for {width}x{height}")
@@ -41,9 +44,9 @@ def split_planes(data: bytes, height: int, width: int) -> Sequence[memoryview]:
 
 
 def encode_jpeg(texture: Texture, quality: int = 90) -> bytes:
-    """JFIF bytes (4:2:0) of a texture; the GIL is released meanwhile."""
+    """JFIF bytes (4:2:0) of a texture; the GIL is released while it is encoded."""
     (h, w), half = texture.y.shape, texture.cb.shape
-    # The encoder reads whole blocks of 2 x 2 pixels, beyond a plane of odd size, too.
+    # The encoder reads whole blocks of 2 x 2 pixels, so it reads beyond a plane of odd size.
     y, cb, cr = np.empty((2 * half[0], 2 * half[1]), np.uint8), np.empty(half, np.uint8), np.empty(half, np.uint8)
     kernels.jpeg_planes(texture.y, texture.cb, texture.cr, y, cb, cr)
     data: bytes = simplejpeg.encode_jpeg_yuv_planes(y[:h, :w], cb, cr, quality=quality, fastdct=True)
@@ -51,11 +54,11 @@ def encode_jpeg(texture: Texture, quality: int = 90) -> bytes:
 
 
 def decode_jpeg(data: bytes | memoryview, height: int, width: int) -> Texture:
-    """The texture of a JPEG picture; raises ValueError where it is none or has another size."""
+    """The texture of a JPEG picture; raises ValueError if the data is not one or its size differs."""
     try:
         size = tuple(simplejpeg.decode_jpeg_header(data)[:2])
         if size == (height, width):
-            # Chroma samples are repeated, not interpolated: their mean gives back what was coded.
+            # Chroma samples are repeated, not interpolated: their mean restores the coded sample.
             return from_rgb(simplejpeg.decode_jpeg(data, "RGB", fastupsample=True))
     except ValueError as error:
         raise ValueError(f"texture: {len(data)} bytes: expected a JPEG picture ({error})") from error

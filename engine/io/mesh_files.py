@@ -21,7 +21,7 @@ class ColouredMesh:
 
     @classmethod
     def joined(cls, parts: list[ColouredMesh]) -> ColouredMesh:
-        """One mesh of several, without the vertices that no triangle uses."""
+        """One mesh made of several, without the vertices that no triangle uses."""
         starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
         triangles = np.concatenate(
             [np.empty((0, 3), np.int64), *(part.triangles + start for part, start in zip(parts, starts, strict=False))]
@@ -42,7 +42,7 @@ def srgb_from_ycbcr(ycbcr: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
 
 
 def to_file(mesh: ColouredMesh, file_format: str) -> bytes:
-    """The bytes of a file, glb or ply; raises ValueError for another format."""
+    """A mesh as the bytes of a file; `file_format`: glb or ply, ValueError for another one."""
     writers = {"glb": to_glb, "ply": to_ply}
     if file_format not in writers:
         raise ValueError(f"format: {file_format!r}: expected one of {', '.join(writers)}")
@@ -52,7 +52,8 @@ def to_file(mesh: ColouredMesh, file_format: str) -> bytes:
 def to_glb(mesh: ColouredMesh) -> bytes:
     """glTF binary; metres, glTF's axes (x right, y up, -z forward).
 
-    glTF's positions are single precision: they are relative to the mesh's middle, which its node is moved to.
+    glTF's positions are single precision. They are therefore relative to the middle of the mesh, and the node's
+    transform moves them back.
     """
     x, y, z = mesh.vertices.T
     vertices = np.stack([-y, z, -x], axis=-1)

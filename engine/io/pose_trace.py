@@ -1,4 +1,4 @@
-"""Pose files: CSV with the columns X, Y, Z (metres), Yaw, Pitch, Roll (degrees), a row a frame."""
+"""Pose files: CSV with the columns X, Y, Z (metres), Yaw, Pitch, Roll (degrees), one row per frame."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COLUMNS = ("X", "Y", "Z", "Yaw", "Pitch", "Roll")
 
 
 def read_poses(path: Path | str) -> list[Pose]:
-    """Absolute poses, a row a frame. Raises ValueError that names the row and the column."""
+    """Absolute poses, one per frame. Raises ValueError for a wrong header or cell, with its line and column."""
     path = Path(path)
     with path.open(newline="", encoding="utf-8-sig") as file:
         rows = csv.reader(file, skipinitialspace=True)
@@ -32,7 +32,10 @@ def read_poses(path: Path | str) -> list[Pose]:
 
 
 def read_pose_trace(path: Path | str, viewport: Camera) -> list[Pose]:
-    """Head poses of a trace: positions are offsets from the viewport's, rotations absolute."""
+    """Head poses of a trace, in the world: positions in the file are offsets from the viewport's, rotations absolute.
+
+    Raises ValueError as `read_poses` does.
+    """
     x, y, z = viewport.pose.position
     return [
         dataclasses.replace(pose, position=(x + pose.position[0], y + pose.position[1], z + pose.position[2]))
@@ -41,7 +44,7 @@ def read_pose_trace(path: Path | str, viewport: Camera) -> list[Pose]:
 
 
 def write_poses(path: Path | str, poses: Iterable[Pose]) -> None:
-    """Write absolute poses; `read_poses` gives them back."""
+    """Write absolute poses as `read_poses` reads them."""
     with Path(path).open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
@@ -54,7 +57,8 @@ def euler_degrees(pose: Pose) -> tuple[float, float, float]:
     level = math.hypot(r[2, 1], r[2, 2])
     pitch = math.atan2(-r[2, 0], level)
     roll = math.atan2(r[2, 1], r[2, 2]) if level > 1e-14 else 0.0
-    # Nearly straight up or down the roll is known badly, but what it lacks the yaw of the rest makes up for.
+    # Nearly straight up or down, the roll is inaccurate. The yaw is computed from the rotation that remains after the
+    # roll, so it makes up for the error.
     c, s = math.cos(roll), math.sin(roll)
     yaw = math.atan2(s * r[0, 2] - c * r[0, 1], c * r[1, 1] - s * r[1, 2])
     return math.degrees(yaw), math.degrees(pitch), math.degrees(roll)

@@ -1,4 +1,4 @@
-"""A recording: what a rig of cameras recorded, frame by frame. Replay, rendering, export and the benchmarks read it."""
+"""A recording: the views of a rig of cameras, frame by frame. Replay, rendering, export and the benchmarks read it."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ __all__ = ["Playhead", "Recording", "open_recording", "playback_index"]
 
 
 class Recording(Protocol):
-    """Multiview video plus depth with calibrated cameras, and ground truth of virtual cameras where there is any.
+    """Multiview video plus depth with calibrated cameras; it may also hold ground truth of virtual cameras.
 
-    Two ways to read it: `frame` at any index, and `frames` in order. An implementation that cannot seek (compressed
-    video) gives the second cheaply and may take long for the first. Frame 0 is the first; an index outside
-    0 .. frame_count - 1 and an unknown camera are ValueErrors.
+    There are two ways to read it: `frame` at any index, and `frames` in order. An implementation that cannot seek
+    (compressed video) is fast at the second and may be slow at the first. Frame 0 is the first. An index outside
+    0 .. frame_count - 1 and an unknown camera raise ValueError.
     """
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """The name for people."""
 
     @property
     def fps(self) -> float:
-        """Frames a second (the paper's f_vin)."""
+        """Frames per second (the paper's f_vin)."""
 
     @property
     def frame_count(self) -> int:
-        """Frames that every source view has."""
+        """The number of frames that every source view has."""
 
     @property
     def source_names(self) -> tuple[str, ...]:
@@ -39,43 +39,43 @@ class Recording(Protocol):
 
     @property
     def camera_names(self) -> tuple[str, ...]:
-        """All cameras: the reference cameras, and virtual ones, which are never an input."""
+        """All cameras: the reference cameras, and the virtual ones, which are never an input."""
 
     @property
     def truth_names(self) -> tuple[str, ...]:
-        """The virtual cameras of which `texture` gives the ground truth."""
+        """The virtual cameras for which `texture` returns ground truth."""
 
     def camera(self, name: str, frame: int = 0) -> Camera:
-        """A camera, with the pose that it has in a frame."""
+        """A camera with its pose in a frame."""
 
     def poses(self, name: str) -> list[Pose] | None:
-        """The poses of a moving camera, one a frame; None for a fixed one."""
+        """The poses of a moving camera, one per frame; None for a fixed one."""
 
     def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
-        """The reference views of one instant, all or those named, in the order given."""
+        """The reference views of one instant: all, or those in `names`, in that order."""
 
     def frames(self, start: int = 0, stop: int | None = None, names: Iterable[str] | None = None) -> Iterator[Frame]:
-        """The frames [start, stop) in order, each as `frame` gives it; `stop` None: to the end.
+        """The frames [start, stop) in order, each as `frame` returns it; `stop` None: to the end.
 
-        A frame is read when it is asked for, and what is not asked for is not read.
+        A frame is read when the iterator reaches it.
         """
 
     def texture(self, name: str, frame: int) -> Texture:
-        """A camera's picture, 10-bit codes; of a virtual camera, the ground truth."""
+        """A camera's picture in 10-bit codes; for a virtual camera the ground truth."""
 
 
 class Playhead:
-    """Reads a recording at any index, and in order (`Recording.frames`) as long as indices rise by one."""
+    """Reads a recording at any index; as long as indices rise by one, it reads in order (`Recording.frames`)."""
 
     def __init__(self, recording: Recording, names: Iterable[str] | None = None) -> None:
         self._recording = recording
         self._names = recording.source_names if names is None else tuple(names)
         self._next = 0
-        self._coming: Iterator[Frame] | None = None  # frames from `_next` on; None: it is to be asked for
+        self._coming: Iterator[Frame] | None = None  # frames from `_next` on; None: not begun yet
 
     def frame(self, index: int) -> Frame:
         """The views of a frame; raises ValueError outside the recording."""
-        if index < self._next:  # backwards, or the same again: one frame, not the start of a run
+        if index < self._next:  # backwards, or the same frame again: a single frame, not the start of a run
             self._next, self._coming = index + 1, None
             return self._recording.frame(index, self._names)
         if self._coming is None or index > self._next:
@@ -88,7 +88,10 @@ class Playhead:
 
 
 def playback_index(index: int, count: int) -> int:
-    """The input frame of output frame `index` of `count` input frames, played to and fro: 0 1 1 0 0 1 ..."""
+    """The input frame for output frame `index` when `count` input frames are played to and fro: 0 1 1 0 0 1 ...
+
+    Raises ValueError for a negative index or a count below 1.
+    """
     if count < 1 or index < 0:
         raise ValueError(f"frame: {index!r} of {count!r}: expected a frame of at least one")
     turn = index % (2 * count)
@@ -96,7 +99,7 @@ def playback_index(index: int, count: int) -> int:
 
 
 def open_recording(path: Path | str) -> Recording:
-    """Open a recording of any format that is known: today TMIV's, a folder with a JSON, or that JSON.
+    """Open a recording in any known format: today only TMIV's, a folder with a JSON, or that JSON.
 
     Raises ValueError (TmivError) with the first problem.
     """

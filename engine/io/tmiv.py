@@ -1,4 +1,4 @@
-"""Sequences in TMIV's layout: a folder with a JSON and raw planar files, read when a view is asked for."""
+"""Sequences in TMIV's layout: a folder with a JSON and raw planar files, read on demand."""
 
 from __future__ import annotations
 
@@ -33,17 +33,20 @@ Kind = Literal["texture", "depth"]
 
 
 def texture_path(folder: Path | str, camera: Camera, pixel_format: str = "yuv420p10le") -> Path:
-    """Where the camera's texture lies."""
+    """The path of the camera's texture file."""
     return Path(folder) / f"{camera.name}_texture_{camera.width}x{camera.height}_{pixel_format}.yuv"
 
 
 def depth_path(folder: Path | str, camera: Camera, pixel_format: str = "yuv420p16le") -> Path:
-    """Where the camera's depth codes lie."""
+    """The path of the camera's file of depth codes."""
     return Path(folder) / f"{camera.name}_depth_{camera.width}x{camera.height}_{pixel_format}.yuv"
 
 
 def find_video(folder: Path, camera: Camera, kind: Kind) -> RawVideo | None:
-    """The camera's file in a folder or in its truth/; of several formats the one with the JSON's bits."""
+    """The camera's file in a folder or in its truth/, None if there is none.
+
+    If there are files of several formats, it is the one with the number of bits that the JSON says.
+    """
     bits = camera.texture_bits if kind == "texture" else camera.depth.bits
     prefix = f"{camera.name}_{kind}_{camera.width}x{camera.height}_"
     pattern = re.compile(re.escape(prefix) + rf"({PIXEL_FORMATS})\.yuv")
@@ -57,9 +60,9 @@ def find_video(folder: Path, camera: Camera, kind: Kind) -> RawVideo | None:
 
 
 class Sequence:
-    """An opened sequence, a `Recording`. Files are mapped, and read when a view is asked for.
+    """An opened sequence: a `Recording`. Files are mapped, so a view is read from disk only when it is used.
 
-    `cameras` holds every camera of the JSON, virtual ones too (`viewport`). Frame 0 is the files' first.
+    `cameras` holds every camera of the JSON, also virtual ones (`viewport`). Frame 0 is the first of the files.
     """
 
     def __init__(self, folder: Path, description: Description) -> None:
@@ -74,13 +77,13 @@ class Sequence:
 
     @property
     def frame_count(self) -> int:
-        """Whole frames in the shortest file of the source views; raises TmivError where one is missing."""
+        """Whole frames in the shortest file of the source views; raises TmivError if a file is missing."""
         kinds: tuple[Kind, ...] = ("texture", "depth")
         return min(self.video(name, kind).frame_count for name in self.source_names for kind in kinds)
 
     @property
     def camera_names(self) -> tuple[str, ...]:
-        """Every camera of the JSON, virtual ones too."""
+        """Every camera of the JSON, also virtual ones."""
         return tuple(self.cameras)
 
     @property
@@ -91,11 +94,14 @@ class Sequence:
         return tuple(name for name, video in videos.items() if video is not None and video.frame_count)
 
     def start_frame(self, count: int) -> int:
-        """The file's frame at which a run of `count` frames starts (the JSON's frameRanges)."""
+        """The frame of the files at which a run of `count` frames starts (the JSON's frameRanges)."""
         return next((start for most, start in self._frame_ranges if count <= most), 0)
 
     def camera(self, name: str, frame: int = 0) -> Camera:
-        """A camera as it is at a frame: a moving one has another pose in every frame."""
+        """A camera with its pose in a frame; a moving camera has another pose in every frame.
+
+        Raises TmivError for an unknown camera, or a frame for which a moving camera has no pose.
+        """
         if name not in self.cameras:
             raise TmivError(f"camera: {name!r}: expected one of {', '.join(self.cameras)}")
         camera, poses = self.cameras[name], self._poses.get(name)
@@ -106,11 +112,11 @@ class Sequence:
         return dataclasses.replace(camera, pose=poses[frame])
 
     def poses(self, name: str) -> list[Pose] | None:
-        """The poses of a moving camera, frame by frame; None for a fixed one."""
+        """The poses of a moving camera, one per frame; None for a fixed one."""
         return self._poses.get(name)
 
     def video(self, name: str, kind: Kind) -> RawVideo:
-        """The camera's texture or depth file; raises TmivError where there is none."""
+        """The camera's texture or depth file; raises TmivError if there is none."""
         key = (name, kind)
         if key not in self._videos:
             camera = self.camera(name)
@@ -123,15 +129,15 @@ class Sequence:
         return self._videos[key]
 
     def texture(self, name: str, frame: int) -> Texture:
-        """A texture in 10-bit codes; of a virtual camera, the ground truth."""
+        """A texture in 10-bit codes; for a virtual camera the ground truth."""
         return self.video(name, "texture").texture(frame)
 
     def codes(self, name: str, frame: int) -> npt.NDArray[np.uint16]:  # [h, w]
-        """Depth codes, coded as the camera's `depth` says."""
+        """Depth codes, coded as in the camera's `depth`."""
         return self.video(name, "depth").codes(frame)
 
     def view(self, name: str, frame: int) -> View:
-        """One camera's texture and depth codes, with its pose at that frame."""
+        """One camera's texture and depth codes, with its pose in that frame."""
         return View(self.camera(name, frame), self.texture(name, frame), self.codes(name, frame))
 
     def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
@@ -146,7 +152,7 @@ class Sequence:
             yield self.frame(index, chosen)
 
     def _with_file_bits(self, camera: Camera) -> Camera:
-        # The file's name says how its codes are to be read, whatever the JSON says.
+        # The file's name decides how its codes are read, even where the JSON differs.
         depth = find_video(self.folder, camera, "depth")
         if depth is None or depth.format.bits == camera.depth.bits:
             return camera
@@ -165,7 +171,7 @@ def _poses(folder: Path, name: str, file: str) -> list[Pose]:
 def open_sequence(path: Path | str) -> Sequence:
     """Open a folder (or its JSON); raises TmivError with the first problem of the JSON.
 
-    Missing or short video files are found when they are read; `tmiv_check` finds everything at once.
+    Missing or short video files are noticed when they are read; `tmiv_check` finds all problems at once.
     """
     file = find_json(Path(path))
     description, problems = parse_json(file.read_text("utf-8"), file.stem)
@@ -178,8 +184,9 @@ def open_sequence(path: Path | str) -> Sequence:
 class SequenceWriter:
     """Writes a sequence frame by frame, as a context manager; `open_sequence` reads it back.
 
-    Source cameras go to the folder, other cameras that get pictures to its truth/. The JSON is written when
-    the `with` block ends well; raises ValueError where source cameras then differ in their number of frames.
+    Source cameras are written to the folder, other cameras to its truth/. The JSON is written when the `with` block
+    ends without an error; ValueError is raised then if source cameras differ in their number of frames, and at the
+    start for a source name that no camera has.
     """
 
     def __init__(
@@ -208,7 +215,10 @@ class SequenceWriter:
     def write(
         self, camera_name: str, texture: Texture, codes: npt.NDArray[np.uint16], pose: Pose | None = None
     ) -> None:
-        """Append a frame of one camera; a moving camera's absolute pose belongs to it."""
+        """Append a frame of one camera; `pose` is absolute, None: the camera's own (it does not move).
+
+        Raises ValueError for an unknown camera, and for shapes or depth bits that do not fit it.
+        """
         camera = self._description.cameras.get(camera_name)
         if camera is None:
             names = ", ".join(self._description.cameras)

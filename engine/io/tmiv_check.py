@@ -1,4 +1,4 @@
-"""What is wrong with a sequence: every problem found, a line each, without stopping at the first."""
+"""Checks of a sequence: every problem is found, one line each, without stopping at the first."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["check_sequence"]
 
 
 def check_sequence(path: Path | str) -> list[str]:
-    """All problems of the JSON, the video files and the pose files of a sequence; empty where it is sound."""
+    """All problems of the JSON, the video files and the pose files of a sequence; an empty list if there are none."""
     try:
         file = find_json(Path(path))
         description, problems = parse_json(file.read_text("utf-8"), file.stem)
@@ -27,7 +27,7 @@ def check_sequence(path: Path | str) -> list[str]:
     for name in dict.fromkeys(description.source_names):
         if name in description.cameras:
             problems += _check_files(file.parent, description.cameras[name], counts)
-        else:  # the JSON's entry could not be read: take the files by their names
+        else:  # the camera's entry in the JSON could not be read: check the files that bear its name
             problems += _check_files_alone(file.parent, name, counts)
     problems += _check_counts(description, counts)
     problems += _check_poses(file.parent, description, max(counts.values(), default=0))

@@ -1,4 +1,4 @@
-"""Fields of a TMIV JSON: fetched with checks, and what each may be."""
+"""Fields of a TMIV JSON, fetched with checks, and the kinds of values that they may have."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Kind(Generic[T]):
-    """What a field may be: `convert` raises TypeError or ValueError for anything else."""
+    """A kind of value: `convert` raises TypeError or ValueError for any other; `expected` names it in messages."""
 
     expected: str
     convert: Callable[[Any], T]
 
 
 class Fields:
-    """Fetches the fields of a JSON object with checks; what is wrong is added to `problems`."""
+    """Fetches the fields of a JSON object with checks; problems are added to `problems`, each starting with `where`."""
 
     def __init__(self, fields: dict[str, Any], where: str, problems: list[str]) -> None:
         self.fields, self.where, self.problems = fields, where, problems
 
     def get(self, key: str, kind: Kind[T], *default: T | None) -> T | None:
-        """The field's value, the default where it is absent, None where that is a problem."""
+        """The field's value, or the default if it is absent; None, and a problem, if it is wrong or lacks a default."""
         if key not in self.fields:
             if not default:
                 self.problems.append(f"{self.where}{key}: missing: expected {kind.expected}")

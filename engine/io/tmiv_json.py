@@ -34,12 +34,12 @@ __all__ = ["Description", "TmivError", "find_json", "parse_json", "to_json"]
 
 
 class TmivError(ValueError):
-    """What is wrong with a sequence: the field, its value, and what was expected."""
+    """A problem of a sequence; it names the field, its value, and what was expected."""
 
 
 @dataclass(slots=True)
 class Description:
-    """What the JSON says; cameras in its order."""
+    """The content of the JSON; cameras are in its order."""
 
     name: str = ""
     fps: float = 30.0
@@ -47,11 +47,14 @@ class Description:
     cameras: dict[str, Camera] = field(default_factory=dict)
     source_names: tuple[str, ...] = ()
     frame_ranges: tuple[tuple[int, int], ...] = ()  # (maxNumberOfFrames, startFrame)
-    pose_files: dict[str, str] = field(default_factory=dict)  # moving cameras: CSV beside the JSON
+    pose_files: dict[str, str] = field(default_factory=dict)  # of moving cameras: CSV files in the JSON's folder
 
 
 def find_json(path: Path) -> Path:
-    """The JSON of a folder: <folder name>.json, <Content_name>.json or the only one; or `path` itself."""
+    """The JSON of a folder: <folder name>.json, <Content_name>.json or the only one; or `path` itself if it is a file.
+
+    Raises TmivError if there is none, or more than one and none of these names.
+    """
     if path.is_file():
         return path
     if not path.is_dir():
@@ -70,7 +73,7 @@ def find_json(path: Path) -> Path:
 
 
 def parse_json(text: str, stem: str) -> tuple[Description, list[str]]:
-    """The JSON's text -> what could be understood, and every problem, a line each; `stem`: default name."""
+    """The JSON's text -> the parts that could be read, and every problem, one line each; `stem`: the default name."""
     problems: list[str] = []
     description = Description(stem)
     try:

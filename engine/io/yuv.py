@@ -37,18 +37,18 @@ class PixelFormat:
 
     @property
     def bits(self) -> int:
-        """Bits a sample."""
+        """Bits per sample."""
         match = _NAME.fullmatch(self.name)
         return int(match["bits"] or 8) if match else 0
 
     @property
     def has_chroma(self) -> bool:
-        """Whether Cb and Cr planes, halved both ways, follow the luma plane."""
+        """Whether Cb and Cr planes of half the width and height follow the luma plane."""
         return self.name.startswith("yuv420p")
 
     @property
     def dtype(self) -> np.dtype[np.uint8] | np.dtype[np.uint16]:
-        """How a sample is stored."""
+        """The type of a stored sample."""
         return np.dtype(np.uint8) if self.bits == 8 else np.dtype("<u2")
 
     def plane_shapes(self, width: int, height: int) -> list[tuple[int, int]]:
@@ -57,15 +57,15 @@ class PixelFormat:
         return [(height, width), half, half] if self.has_chroma else [(height, width)]
 
     def frame_samples(self, width: int, height: int) -> int:
-        """Samples a frame, all planes."""
+        """Samples per frame, all planes together."""
         return sum(rows * columns for rows, columns in self.plane_shapes(width, height))
 
 
 class RawVideo:
     """A raw planar file. A truncated last frame is not counted.
 
-    Planes are private mappings that live as long as they are used: nothing is copied, and writing to one does
-    not reach the file.
+    Planes are private mappings that live as long as they are used: nothing is copied, and writes do not reach the
+    file.
     """
 
     def __init__(self, path: Path | str, width: int, height: int, pixel_format: PixelFormat | str) -> None:
@@ -77,7 +77,7 @@ class RawVideo:
         self.frame_count, self.extra_bytes = divmod(self.path.stat().st_size, self.frame_bytes)
 
     def plane(self, frame: int, index: int) -> Samples:
-        """Plane 0, 1 or 2 (Y, Cb, Cr) of a frame, [rows, columns]; raises ValueError where there is none."""
+        """Plane 0, 1 or 2 (Y, Cb, Cr) of a frame, [rows, columns]; raises ValueError if the file does not have it."""
         if not 0 <= frame < self.frame_count:
             raise ValueError(
                 f"{self.path.name}: frame: {frame!r}: the file holds {self.frame_count} whole frames of "
@@ -91,15 +91,15 @@ class RawVideo:
         return np.asarray(np.memmap(self.path, self.format.dtype, "c", offset, shapes[index]))
 
     def native(self, frame: int) -> Texture:
-        """The frame of a 4:2:0 file in codes of its own bits; raises ValueError without chroma."""
+        """The frame of a 4:2:0 file in its own codes, not converted to 10 bits; raises ValueError without chroma."""
         return Texture(*(self.plane(frame, i).astype(np.uint16, copy=False) for i in range(3)))
 
     def codes(self, frame: int) -> Codes:
-        """The luma plane in uint16, as it is: depth codes."""
+        """The luma plane as uint16 without conversion: depth codes."""
         return self.plane(frame, 0).astype(np.uint16, copy=False)
 
     def texture(self, frame: int) -> Texture:
-        """The frame in 10-bit codes; without chroma planes it is grey."""
+        """The frame converted to 10-bit codes; without chroma planes it is grey."""
         bits = self.format.bits
         planes = [to_texture(self.plane(frame, i), bits) for i in range(3 if self.format.has_chroma else 1)]
         if not self.format.has_chroma:
@@ -117,7 +117,7 @@ def to_texture(plane: Samples, bits: int) -> Codes:
 
 
 def from_texture(plane: Codes, bits: int) -> Samples:
-    """10-bit codes -> samples of `bits` bits as they are stored, rounded where bits are lost."""
+    """10-bit codes -> samples of `bits` bits as stored, rounded where bits are lost."""
     if bits >= TEXTURE_BITS:
         return np.left_shift(plane, np.uint16(bits - TEXTURE_BITS))
     half = 1 << (TEXTURE_BITS - bits - 1)

@@ -35,10 +35,11 @@ __all__ = ["Camera", "Equirectangular", "Perspective", "Pose", "Projection"]
 
 @dataclass(frozen=True, slots=True)
 class Perspective:
-    """Pinhole projection; lengths in pixels. Negative focal lengths turn the picture by 180 degrees,
-    one alone mirrors it.
+    """Pinhole projection; lengths in pixels. Two negative focal lengths turn the picture by 180 degrees, a single one
+    mirrors it.
 
-    u = cx - fx y / x and v = cy - fy z / x; the principal point may lie outside the picture.
+    u = cx - fx y / x and v = cy - fy z / x; the principal point may lie outside the picture. Raises ValueError for a
+    size below 1, a number that is not finite, or a focal length of 0.
     """
 
     width: int
@@ -59,7 +60,10 @@ class Perspective:
     def from_tangents(
         cls, width: int, height: int, left: float, right: float, top: float, bottom: float
     ) -> Perspective:
-        """Projection from the tangents of a headset's half angles, all positive outwards (asymmetric frusta)."""
+        """Projection from the tangents of a headset's half angles, all positive outwards (asymmetric frusta).
+
+        Raises ValueError where left + right or top + bottom is not positive.
+        """
         if not (left + right > 0 and top + bottom > 0):
             raise ValueError(f"tangents: {(left, right, top, bottom)!r}: expected an opening frustum")
         fx, fy = width / (left + right), height / (top + bottom)
@@ -67,7 +71,10 @@ class Perspective:
 
     @classmethod
     def from_fov(cls, width: int, height: int, horizontal_rad: float) -> Perspective:
-        """Symmetric projection with square pixels from the horizontal field of view, in radians."""
+        """Symmetric projection with square pixels from the horizontal field of view, in radians.
+
+        Raises ValueError for a field of view outside 0 .. pi.
+        """
         if not 0 < horizontal_rad < math.pi:
             raise ValueError(f"field of view: {math.degrees(horizontal_rad)!r} degrees: expected 0 < fov < 180")
         focal = 0.5 * width / math.tan(0.5 * horizontal_rad)
@@ -80,7 +87,7 @@ class Perspective:
         return Perspective(width, height, self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy)
 
     def directions(self, uv: npt.ArrayLike) -> F64:  # [..., 2] -> [..., 3]
-        """Camera-frame directions with x = 1: multiplied by the z-depth they give the point."""
+        """Camera-frame directions with x = 1 of pixel coordinates: direction times z-depth is the point."""
         uv = np.asarray(uv, np.float64)
         y, z = (self.cx - uv[..., 0]) / self.fx, (self.cy - uv[..., 1]) / self.fy
         return np.stack([np.ones_like(y), y, z], axis=-1)
@@ -99,7 +106,8 @@ class Perspective:
 class Equirectangular:
     """Equirectangular projection, partial or full; ranges in radians, [min, max] of azimuth and elevation.
 
-    u = width (phi_max - phi) / (phi_max - phi_min), v likewise from the elevation: the left edge is phi_max.
+    u = width (phi_max - phi) / (phi_max - phi_min), v likewise from the elevation: the left edge is phi_max. Raises
+    ValueError for a size below 1, or a range that is empty or wider than the full sphere.
     """
 
     width: int
@@ -129,7 +137,7 @@ class Equirectangular:
         return dataclasses.replace(self, width=_even(self.width * scale), height=_even(self.height * scale))
 
     def directions(self, uv: npt.ArrayLike) -> F64:  # [..., 2] -> [..., 3]
-        """Camera-frame unit directions: multiplied by the range they give the point."""
+        """Camera-frame unit directions of pixel coordinates: direction times range is the point."""
         uv = np.asarray(uv, np.float64)
         phi = self.hor_range[1] - uv[..., 0] * (self.hor_range[1] - self.hor_range[0]) / self.width
         theta = self.ver_range[1] - uv[..., 1] * (self.ver_range[1] - self.ver_range[0]) / self.height
@@ -154,7 +162,10 @@ Projection = Perspective | Equirectangular
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A 6DoF pose: position in metres and orientation as a unit quaternion (w, x, y, z), world from camera."""
+    """A 6DoF pose: position in metres and orientation as a unit quaternion (w, x, y, z), world from camera.
+
+    Raises ValueError for a position that is not finite, or a quaternion whose length is not 1 (within 0.001).
+    """
 
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
@@ -184,7 +195,7 @@ class Pose:
 
     @classmethod
     def from_matrix(cls, world_from_camera: npt.ArrayLike) -> Pose:
-        """Pose from a rigid [3, 4] or [4, 4] matrix; raises ValueError where its 3x3 part is no rotation."""
+        """Pose from a rigid [3, 4] or [4, 4] matrix; raises ValueError if its 3x3 part is not a rotation."""
         m = np.asarray(world_from_camera, np.float64)
         r = m[:3, :3]
         if not np.allclose(r @ r.T, np.eye(3), atol=1e-3) or np.linalg.det(r) < 0:
@@ -243,7 +254,7 @@ class Camera:
         return self.projection.height
 
     def project(self, points_in_world: npt.ArrayLike) -> tuple[F64, F64]:
-        """[..., 3] world points, metres -> [..., 2] pixels and [...] depth (z-depth or range, as the projection)."""
+        """[..., 3] world points, metres -> [..., 2] pixels and [...] depth (z-depth or range, see the projection)."""
         local = (np.asarray(points_in_world, np.float64) - self.pose.position) @ self.pose.rotation()
         return self.projection.project(local)
 
@@ -254,7 +265,7 @@ class Camera:
 
     @property
     def wraps(self) -> bool:
-        """Whether its picture's columns begin again where they end."""
+        """Whether the first and the last column of its picture are neighbours."""
         return isinstance(self.projection, Equirectangular) and self.projection.wraps
 
     def packed(self, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> F64:  # [CAMERA_SIZE]

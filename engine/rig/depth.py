@@ -17,8 +17,8 @@ __all__ = ["DepthCoding"]
 class DepthCoding:
     """How a view codes depth: 1/d = 1/far + code / (2^bits - 1) (1/near - 1/far); metres, far may be inf.
 
-    Code 0 means "no depth" where `has_invalid`, the far plane otherwise; with far = inf it is read as code 1,
-    as the reference renderer does.
+    Code 0 means "no depth" if `has_invalid` is set, else the far plane. With far = inf the far plane is read as
+    code 1, as the reference renderer does. Raises ValueError unless 0 < near < far and bits is 1 to 16.
     """
 
     near: float
@@ -34,7 +34,7 @@ class DepthCoding:
 
     @property
     def max_code(self) -> int:
-        """The largest code, the near plane."""
+        """The largest code: the near plane."""
         return (1 << self.bits) - 1
 
     @property

@@ -1,4 +1,4 @@
-"""Views and frames: what the cameras saw at one instant."""
+"""Views and frames: the cameras' pictures and depth at one instant."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ __all__ = ["Frame", "Lent", "Texture", "View"]
 
 @dataclass(frozen=True, slots=True)
 class Texture:
-    """Planar Y'CbCr 4:2:0 picture with 10-bit codes in uint16, matrix and range as the source has them.
+    """Planar Y'CbCr 4:2:0 picture with 10-bit codes in uint16; colour matrix and range are those of the source.
 
-    y is [h, w], cb and cr are [(h + 1) // 2, (w + 1) // 2].
+    y is [h, w], cb and cr are [(h + 1) // 2, (w + 1) // 2]; raises ValueError for other shapes.
     """
 
     y: npt.NDArray[np.uint16]
@@ -34,9 +34,10 @@ class Texture:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One camera's texture and depth codes (uint16 [h, w], coded as `camera.depth` says) at one instant.
+    """One camera's texture and depth codes (uint16 [h, w], coded as in `camera.depth`) at one instant.
 
-    The camera's pose belongs to the view: a moving camera has another one in every frame.
+    The camera's pose belongs to the view: a moving camera has another pose in every frame. Raises ValueError where a
+    shape does not fit the camera.
     """
 
     camera: Camera
@@ -51,7 +52,7 @@ class View:
 
 
 class Lent(NamedTuple):
-    """Where another process finds a frame's planes: a file of a process, and its name (`frame_memory`)."""
+    """Where another process finds a frame's planes: process id, file descriptor in it, and a name (`frame_memory`)."""
 
     process: int
     file: int

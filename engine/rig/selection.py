@@ -15,20 +15,21 @@ from .camera import Camera
 
 __all__ = ["likely_views", "select_views", "view_shares"]
 
-_GRID, _COARSE = 8, 2  # sample rays across and down a picture, to choose by and for a first cut
-# Where cameras see less than this share of the samples, others are taken from what they see, this many about.
+_GRID, _COARSE = 8, 2  # sample rays across and down a picture: for the choice, and for the first cut
+# If the cameras see less than _FEW of the samples, about _MOST samples are taken from the cameras' own rays instead.
 _FEW, _MOST = 0.25, 512
-_ANGLE = 0.1  # radians between two cameras' rays to a point at which a view has lost half its worth
-_NEAREST = 0.005  # radians below which a view does not come nearer
+_ANGLE = 0.1  # angle between the rays of target and view to a point, radians, at which a view has lost half its worth
+_NEAREST = 0.005  # smaller angles, radians, count as this one
 
 
 def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: Sequence[float]) -> list[int]:
-    """Indices of at most `count` cameras for rendering `target`, the most useful first.
+    """Indices of at most `count` cameras for rendering `target`, the most useful first (paper section 3.1).
 
-    Sample points are put on the target's rays at the given scene depths (metres); where cameras see few of them, from
-    far away or in a very wide picture, on the cameras' own. A camera is worth more to a point that it sees from a
-    direction near the target's; cameras are taken greedily so that every point is seen well, and then by a second
-    camera: what one view hides another shows. Cameras that see no sample are left out.
+    Sample points lie on the target's rays at the given scene `depths` (metres). If the cameras see few of them (the
+    target is far away, or its picture is very wide), points on the cameras' own rays are taken instead. A camera is
+    worth more to a point if it sees the point from a direction near the target's. Cameras are chosen greedily so that
+    every point is seen well, and then also by a second camera, which may show what the first does not see. Cameras
+    that see no sample are left out.
     """
     worth = _worth(target, cameras, depths)
     chosen: list[int] = []
@@ -49,8 +50,9 @@ def select_views(target: Camera, cameras: Sequence[Camera], count: int, depths: 
 def likely_views(target: Camera, packed: F64, count: int, depths: Sequence[float]) -> list[int]:
     """Indices of `count` of many cameras (packed [n, CAMERA_SIZE]) that `select_views` may choose for `target`.
 
-    A first cut, by what the cameras are worth to a few points on the target's rays and, where that says nothing, by
-    how near they are. In order of their indices: among equals the first is chosen.
+    This is a first cut: by the cameras' worth to a few points on the target's rays (at `depths`, metres), and among
+    cameras of equal worth by distance to the target. The indices are in ascending order, because `select_views` takes
+    the first of equal cameras.
     """
     inside, angle = _looks(target, packed, _on_rays(target, depths, _COARSE))
     away = np.linalg.norm(packed[:, POSITION_SLICE] - target.pose.position, axis=1)
@@ -59,9 +61,10 @@ def likely_views(target: Camera, packed: F64, count: int, depths: Sequence[float
 
 
 def view_shares(target: Camera, cameras: Sequence[Camera], depths: Sequence[float]) -> F64:  # [cameras]
-    """The cameras' shares of `target`'s picture, in sum 1, if all were blended by nearness in direction.
+    """The cameras' shares of `target`'s picture if all were blended by nearness in direction; their sum is 1.
 
-    They change smoothly with the target, whichever views are chosen. Where no camera sees anything they are equal.
+    They do not depend on the choice of views, so they change smoothly with the target. They are equal if no camera
+    sees a sample point (on the target's rays at `depths`, metres).
     """
     inside, angle = _seen(target, tuple(cameras), tuple(depths))
     weight = inside / (angle * angle + _NEAREST * _NEAREST)
@@ -82,11 +85,11 @@ def _worth_at(inside: npt.NDArray[np.bool_], angle: F64) -> F64:
     return worth
 
 
-@lru_cache(maxsize=8)  # choice and shares of a picture ask for the same
+@lru_cache(maxsize=8)  # `select_views` and `view_shares` of a picture ask for the same
 def _seen(
     target: Camera, cameras: tuple[Camera, ...], depths: tuple[float, ...]
 ) -> tuple[npt.NDArray[np.bool_], F64]:
-    """Which cameras see points on the target's rays, and the angle between both rays, radians [cameras, samples]."""
+    """Which cameras see sample points, and the angle between camera's and target's ray, radians; [cameras, samples]."""
     points, packed = _on_rays(target, depths), _packed(cameras)
     inside = _inside(packed, points - packed[:, None, POSITION_SLICE])
     if inside.any(axis=0).mean() < _FEW:

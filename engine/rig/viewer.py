@@ -1,4 +1,4 @@
-"""What a viewer asks for and what it gets: stereo views and stereo pictures."""
+"""A viewer's request and the answer to it: stereo views and stereo pictures."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ __all__ = [
 class StereoView:
     """A head: its pose (between the eyes), interpupillary distance in metres, and each eye's projection.
 
-    The eyes are offset by (0, +-ipd / 2, 0) in the head's axes, left = +y; they look along the head's x axis.
+    The eyes are offset by (0, +-ipd / 2, 0) in the head's axes, left = +y; they look along the head's x axis. Raises
+    ValueError for an ipd that is negative or not finite.
     """
 
     pose: Pose
@@ -49,12 +50,12 @@ class StereoView:
         return cls(pose, ipd, eye, eye)
 
     def eyes(self, depth: DepthCoding) -> tuple[Camera, Camera]:
-        """The left and right eye as cameras whose depth is coded as given."""
+        """The left and right eye as cameras with the depth coding `depth`."""
         left, right = (self.pose.translated((0.0, side * self.ipd / 2, 0.0)) for side in (1, -1))
         return Camera("left", self.left, left, depth), Camera("right", self.right, right, depth)
 
     def moved(self, pose: Pose) -> StereoView:
-        """The same head elsewhere."""
+        """The same head in another pose."""
         return dataclasses.replace(self, pose=pose)
 
     def scaled(self, scale: float) -> StereoView:
@@ -64,7 +65,7 @@ class StereoView:
 
 @dataclass(slots=True)
 class PictureReport:
-    """How a picture came about: hole fractions, triangles and milliseconds by stage."""
+    """How a picture was made: fractions of holes, triangles and milliseconds per stage."""
 
     views: tuple[str, ...] = ()
     holes_warped: float = 0.0  # before the backdrop
@@ -78,8 +79,9 @@ class PictureReport:
 class RenderedPicture:
     """One virtual camera's picture.
 
-    disparity float32 [h, w] in 1/m, 0 where nothing was seen and only filling gave a colour. winner uint8 [h, w]:
-    which of `report.views` drew the pixel; their number means the backdrop, higher ones other present views.
+    disparity float32 [h, w] in 1/m, 0 where nothing was seen and only filling gave a colour. winner uint8 [h, w]: the
+    index in `report.views` of the view that drew the pixel; len(report.views) is the backdrop, higher values are other
+    present views.
     """
 
     camera: Camera
@@ -89,12 +91,12 @@ class RenderedPicture:
     report: PictureReport
 
     def holes(self, *, warped: bool = False) -> npt.NDArray[np.bool_]:
-        """Pixels [h, w] where nothing was drawn; with `warped`, also those that no drawn view has."""
+        """Pixels [h, w] where nothing was drawn; with `warped`, also those that none of `report.views` drew."""
         empty: npt.NDArray[np.bool_] = self.disparity <= 0
         return empty | (self.winner >= len(self.report.views)) if warped else empty
 
     def codes(self) -> npt.NDArray[np.uint16]:
-        """Depth codes [h, w] as `camera.depth` says, 0 for holes."""
+        """Depth codes [h, w], coded as in `camera.depth`; 0 for holes."""
         with np.errstate(divide="ignore"):
             depth = np.where(self.disparity > 0, 1.0 / self.disparity, np.nan)
         return self.camera.depth.codes(depth)
@@ -123,9 +125,11 @@ class StereoPicture:
 
 @dataclass(frozen=True, slots=True)
 class PairReport:
-    """How a stereo pair came about: the video frame that it shows, an eye's size in pixels, the fraction of pixels that
-    only filling could colour, milliseconds of rendering by stage and of encoding, both eyes together, and from asking
-    to the encoded pair.
+    """How a stereo pair was made.
+
+    frame_index: the video frame that it shows; width, height: an eye's size, pixels; holes: fraction of pixels that
+    only filling could colour; stages: milliseconds of rendering per stage, and encode_ms of encoding, both eyes
+    together; total_ms: milliseconds from the request to the encoded pair.
     """
 
     frame_index: int
@@ -147,7 +151,7 @@ class EncodedPair:
 
 
 def home_pose(cameras: Sequence[Camera]) -> Pose:
-    """Where a viewer starts: amid the cameras, level, looking where they look on average and the same way up."""
+    """Where a viewer starts: at the cameras' mean position, level, in their mean direction, upright as most of them."""
     position = np.mean([camera.pose.position for camera in cameras], axis=0)
     ahead = np.mean([camera.pose.rotation()[:, 0] for camera in cameras], axis=0)
     yaw = math.atan2(ahead[1], ahead[0]) if math.hypot(ahead[0], ahead[1]) > 0.1 else 0.0

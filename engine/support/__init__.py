@@ -1,1 +1,1 @@
-"""What every room may use and that knows none: stages, lazy attributes, threads."""
+"""Helpers that every room may import and that import none: stages, lazy attributes, threads."""

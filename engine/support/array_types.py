@@ -1,4 +1,4 @@
-"""Short names of array types, which kernels and those who call them annotate with; shapes stand beside the names."""
+"""Short names of array types, for annotations of kernels and their callers; a comment or docstring gives shapes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Attributes that are made when first asked for, without a lock."""
+"""Attributes that are computed on first use, without a lock."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ T = TypeVar("T")
 
 
 class lazy(Generic[T]):  # noqa: N801 (used as functools.cached_property is)
-    """As functools.cached_property; but before Python 3.12 that has one lock for all objects of a class.
+    """Like functools.cached_property, which before Python 3.12 has one lock for all objects of a class.
 
-    With it, pictures wait for an update that makes something of another frame, and may have been put aside for them.
-    Here two threads that ask at the same time both make the value, and one of the equal values is kept.
+    With that lock, pictures would wait while an update computes the attribute for another frame, even if the update
+    was suspended in their favour. Here two threads that ask at the same time both compute the value, and one of the
+    equal values is kept.
     """
 
     def __init__(self, make: Callable[[Any], T]) -> None:

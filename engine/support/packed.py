@@ -1,7 +1,7 @@
 """Records as kernels take them: the layout of a packed camera, and how a view codes depth.
 
-Nothing else knows at which place of a record a number lies. Neither Numba nor any other room is needed to read it:
-a program that only describes cameras loads no compiler.
+No other module knows the position of a number in a record. This module imports neither Numba nor another room, so a
+program that only describes cameras loads no compiler.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ FORWARD_Z, LEFT_Z, UP_Z = 13, 14, 15
 POSITION_X, POSITION_Y, POSITION_Z = 16, 17, 18
 WRAPS = 19  # 1 where the picture's first and last column are neighbours
 CAMERA_SIZE = 20
-ROTATION, POSITION = FORWARD_X, POSITION_X  # where those begin
+ROTATION, POSITION = FORWARD_X, POSITION_X  # where the rotation and the position begin
 # Parts of arrays of cameras [..., CAMERA_SIZE].
 PROJECTION_SLICE = slice(FX, ROTATION)  # 4
 ROTATION_SLICE = slice(ROTATION, POSITION)  # 9
@@ -67,7 +67,7 @@ PERSPECTIVE, EQUIRECTANGULAR = 0.0, 1.0  # kinds
 class Coding(NamedTuple):
     """How a view codes depth, as kernels take it.
 
-    The disparity of a code, 1/m, is offset + step * max(code, min_code); a code below `least` is no depth.
+    The disparity of a code, 1/m, is offset + step * max(code, min_code). A code below `least` means "no depth".
     """
 
     offset: float  # 1/m

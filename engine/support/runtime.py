@@ -1,7 +1,7 @@
 """Threads of the compiled kernels and of the ray tracer. Import before the first parallel kernel runs.
 
-Numba's default layer aborts the process when two Python threads enter parallel kernels at once; its TBB layer
-does not, but finds the library of the `tbb` wheel only where that is loaded already.
+Numba's default threading layer aborts the process when two Python threads enter parallel kernels at once. Its TBB
+layer does not, but it finds the library of the `tbb` wheel only if that library is already loaded.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["give_way", "require_tbb", "set_thread_count", "thread_count"]
 
 def _load_tbb() -> None:
     library = Path(sys.prefix) / "lib" / "libtbb.so.12"
-    with contextlib.suppress(OSError):  # elsewhere Numba's own search may find it; require_tbb tells
+    with contextlib.suppress(OSError):  # Numba's own search may still find it; require_tbb checks
         ctypes.CDLL(str(library if library.exists() else "libtbb.so.12"), mode=ctypes.RTLD_GLOBAL)
 
 
@@ -29,7 +29,7 @@ numba.config.THREADING_LAYER = "tbb"
 
 
 def thread_count() -> int:
-    """How many threads a kernel started from this thread uses, and a ray tracing device at most."""
+    """The number of threads of a kernel that this thread starts, and the most that a ray tracing device uses."""
     return min(_available(), int(numba.get_num_threads()))
 
 
@@ -38,17 +38,20 @@ def _available() -> int:
 
 
 def set_thread_count(count: int) -> None:
-    """Bounds the threads of kernels started from the calling thread; ValueError outside 1 .. what was launched."""
+    """Sets the number of threads of kernels that the calling thread starts.
+
+    Raises ValueError for a count outside 1 .. NUMBA_NUM_THREADS.
+    """
     if not 1 <= count <= numba.config.NUMBA_NUM_THREADS:
         raise ValueError(f"threads: {count!r}: expected 1 to {numba.config.NUMBA_NUM_THREADS}")
     numba.set_num_threads(count)
 
 
 def give_way(niceness: int) -> None:
-    """What the calling thread computes from now on leaves a core to others, and those that others want, too.
+    """Run the calling thread's kernels on one core fewer than available and at a lower priority.
 
-    `niceness` is beside that of the process. Only Linux has priorities by thread, and threads that help a kernel keep
-    theirs: with one core to be left of two, there are none.
+    `niceness` is added to the niceness of the process (the sum is at most 19). Only Linux has a priority per thread.
+    The threads that help with a kernel keep their priority; on two cores there are none, as one core is left free.
     """
     set_thread_count(max(1, min(_available(), numba.config.NUMBA_NUM_THREADS) - 1))
     if sys.platform == "linux":
@@ -65,7 +68,7 @@ def _touch(count: int) -> int:
 
 
 def require_tbb() -> None:
-    """Starts the threading layer and raises RuntimeError where it is not TBB."""
+    """Starts the threading layer; raises RuntimeError if it is not TBB."""
     try:
         layer = numba.threading_layer()
     except ValueError:  # no parallel kernel has run yet

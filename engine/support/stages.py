@@ -1,4 +1,4 @@
-"""Milliseconds by stage, as every report carries them."""
+"""Milliseconds per stage, as every report carries them."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ __all__ = ["Stages", "timed"]
 
 
 class Stages(dict[str, float]):
-    """Milliseconds of wall time by stage; `cpu` has those of the whole process, of all its threads.
+    """Milliseconds of wall time per stage; `cpu` holds the CPU time of the whole process in that stage.
 
-    What else the process does meanwhile is in `cpu` too: another eye's thread, an update.
+    `cpu` therefore includes all that other threads of the process do meanwhile: another eye, an update.
     """
 
     def __init__(self) -> None:
@@ -20,14 +20,14 @@ class Stages(dict[str, float]):
         self.cpu: dict[str, float] = {}
 
     def add(self, name: str, wall: float, cpu: float) -> None:
-        """Add milliseconds to a stage."""
+        """Add milliseconds of wall and CPU time to a stage."""
         self[name] = self.get(name, 0.0) + wall
         self.cpu[name] = self.cpu.get(name, 0.0) + cpu
 
 
 @contextmanager
 def timed(stages: Stages, name: str) -> Iterator[None]:
-    """Add the milliseconds that the block takes to a stage."""
+    """Add the milliseconds that the `with` block takes to the stage `name`."""
     wall, cpu = time.perf_counter(), time.process_time()
     try:
         yield
