@@ -1,7 +1,8 @@
-"""Captures: what reference cameras have seen, each from one pose. Surfaces of the PBS refer to them for their colours.
+"""Captures: the farthest surfaces that a reference camera has seen from one pose. Surfaces of the PBS refer to captures
+for their colours.
 
-A capture is not its camera: a camera that stands elsewhere by now (section 4.2) may begin a newer capture, while what
-stems from its older ones stays in the model with the colours that it was seen with.
+A capture is not its camera: a camera that has moved (section 4.2) may begin a newer capture, while the surfaces from
+its older ones stay in the model with the colours of those captures.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ __all__ = ["Capture", "Captures", "Present"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Capture:
-    """What a reference camera has seen from one pose: the farthest surfaces, and their colours.
+    """The farthest surfaces that a reference camera has seen from one pose, and their colours.
 
-    number: the capture's identity, its row in `Captures.table`; camera: index of the reference camera; packed: the
-    camera in that pose as kernels take it, relative to the scene origin.
+    number: the capture's identity, its row in `Captures.table`; camera: index of the reference camera; packed: float64
+    [CAMERA_SIZE], the camera in that pose, relative to the scene origin.
     """
 
     number: int
@@ -40,14 +41,14 @@ class Capture:
 
     @property
     def pose(self) -> Pose:
-        """Where the camera stood."""
+        """The camera's pose."""
         return self.image.camera.pose
 
 
 class Captures:
-    """All captures of a rig, in the order in which they were begun; each reference camera has one that is current.
+    """All captures of a rig, in the order in which they began; each reference camera has one current capture.
 
-    table int64 [n, CAPTURE_SIZE]: the captures as `kernels.background.captures` reads them. None is ever dropped.
+    table int64 [n, CAPTURE_SIZE]: the captures as `kernels.background.captures` reads them. No capture is ever dropped.
     """
 
     def __init__(self) -> None:
@@ -65,8 +66,8 @@ class Captures:
         return self._all[number]
 
     def add(self, camera: int, image: MaximumDepthImage, packed: F64) -> Capture:
-        """Begins a capture, which is its camera's current one from now on; of each camera's the first, in order, before
-        any camera's second."""
+        """Begins a capture, which becomes its camera's current one. The first captures of all cameras must be added in
+        the order of the cameras, before any second one."""
         capture = Capture(len(self._all), camera, image, np.array(packed))
         self._all.append(capture)
         if camera == len(self.current):
@@ -77,18 +78,18 @@ class Captures:
         return capture
 
     def planes(self, cameras: Sequence[int]) -> I64:  # [n, 4]
-        """Addresses of the codes, y, cb and cr of cameras' current captures."""
+        """Addresses of the codes, y, cb and cr planes of the current captures of `cameras`."""
         numbers = [self.current[c].number for c in cameras]
         return self.table[numbers][:, [CODES, Y, CB, CR]]
 
     def colours(self, number: int, uv: F32) -> F32:  # [n, 2] -> [n, 3]
-        """Y'CbCr codes of a capture at picture coordinates."""
+        """Y'CbCr codes of the capture `number` at picture coordinates."""
         ycbcr = np.empty((len(uv), 3), np.float32)
         sample_colours(self.table[number], uv, ycbcr)
         return ycbcr
 
     def compare_by(self, tolerances: Tolerances) -> None:
-        """Sets what a nontrivial amount is in the current ones; no other will take in a view again."""
+        """Sets the nontrivial amount of the current captures; the older ones are never updated again."""
         for capture in self.current:
             capture.image.compare_by(tolerances)
 
@@ -100,11 +101,12 @@ class Captures:
 
 @dataclass(frozen=True, slots=True)
 class Present:
-    """What decides which surface stands: the newest frame's views, and the farthest that each was ever seen to show.
+    """The evidence on whether a surface stands: the newest frame's views, and the maximum depth images.
 
-    near: the depth, metres, before which nothing is shown. views: in the order of the reference cameras; None: nothing
-    is asked of views, the farthest surface is shown (the paper's). memory: codes uint16 [h, w] by reference camera, of
-    the current maximum depth images; none of a camera that has moved, of which the present view is all there is.
+    near: surfaces nearer than this depth, metres, are not shown. views: the newest views, in the order of the reference
+    cameras; None: no view is consulted, and the farthest surface is shown (as in the paper). memory: codes uint16
+    [h, w] of the current maximum depth images by reference camera. A camera that has moved has none: only its present
+    view counts.
     """
 
     near: float
@@ -112,7 +114,7 @@ class Present:
     memory: dict[int, U16]
 
     def packed(self) -> standing.Present:
-        """As kernels take it; its addresses are valid while this object lives."""
+        """The record for kernels; its addresses are valid while this object lives."""
         if self.views is None:
             return standing.Present(self.near, np.empty((0, 0)), np.empty((0, 2), np.int64))
         codes: npt.NDArray[np.int64] = np.repeat(self.views.addresses[:, :1], 2, axis=1)

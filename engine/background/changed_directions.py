@@ -1,4 +1,4 @@
-"""Where geometry has changed, as each camera sees it: only there its culling rays can find something else."""
+"""Directions in which geometry has changed, for each camera: only there can its culling rays give another result."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["ChangedDirections"]
 
 
 class ChangedDirections:
-    """The directions from each camera in which there is new geometry since its last turn, and how far away.
+    """The directions from each camera in which there is new geometry since its last turn, and its distance.
 
-    packed [n, CAMERA_SIZE]: the cameras as kernels take them, read when they are needed; cells float32 [n, ROWS,
-    COLUMNS]: how far away there is new geometry, metres, 0: there is none.
+    packed [n, CAMERA_SIZE]: the packed cameras; the array is shared and read at each call. cells float32 [n, ROWS,
+    COLUMNS]: distance of the farthest new geometry, metres; 0: there is none.
     """
 
     def __init__(self, packed: npt.NDArray[np.float64]) -> None:
@@ -24,15 +24,16 @@ class ChangedDirections:
         self.cells = np.zeros((len(packed), ROWS, COLUMNS), np.float32)
 
     def add(self, surface: Surface, which: npt.NDArray[np.int64]) -> None:
-        """Triangles of a surface are new, or elsewhere."""
+        """Notes that triangles (numbers [m]) of a surface are new or have moved."""
         note_directions(self._packed, surface.packed, which, self.cells)
 
     def add_all(self) -> None:
-        """All geometry may be elsewhere."""
+        """Notes that all geometry may have moved."""
         self.cells[:] = np.inf
 
     def forget(self, camera: int, surfaces: list[Surface], delta: Delta) -> None:
-        """A camera's turn: takes its marks from what has changes behind it, by delta / 2, and forgets these."""
+        """A camera's turn: removes its marks from triangles that have changes more than delta / 2 behind them, then
+        forgets the changes."""
         cells, word, bit = self.cells[camera], camera // 64, np.uint64(1 << (camera % 64))
         if cells.any():
             for surface in surfaces:

@@ -1,4 +1,4 @@
-"""The PBS as a mesh with colours, as it is exported."""
+"""The PBS as a mesh with colours, for export."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ __all__ = ["coloured_mesh"]
 
 
 def coloured_mesh(pbs: ProbableBackgroundSurface, captures: Captures, origin: F64) -> ColouredMesh:
-    """The valid triangles in the world (origin: the scene's, metres), each vertex with its capture's colour there;
-    copies, made by any thread."""
+    """The valid triangles in the world, each vertex with the colour of its capture at that place; origin: the scene's,
+    metres in the world. The arrays are copies; any thread may call this."""
     with pbs.lock:
         parts = [(surface, surface.invalid == 0) for surface in pbs.surfaces()]
     return ColouredMesh.joined(

@@ -1,4 +1,4 @@
-"""Coverage selection: which views build the S-PBS; and the farther-only test: which of their pixels (section 3.3.2)."""
+"""Coverage selection chooses the views that build the S-PBS, the farther-only test their pixels (section 3.3.2)."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from ..support.packed import Coding
 
 __all__ = ["Coverage", "choose_views"]
 
-# Views are warped as a grid of about this many samples a side into as many cells, not pixel by pixel: the order
-# of the views asks for the share of a picture that is covered, not for its outline.
+# Views are warped as a grid of about _SAMPLES x _SAMPLES samples into _CELLS x _CELLS cells, not pixel by pixel: the
+# order of the views depends on the share of a picture that is covered, not on the outline of that part.
 _SAMPLES = 64
 _CELLS = 32
 
 
 def choose_views(views: Sequence[View], count: int) -> list[int]:
-    """Indices of up to `count` views that overlap little, the first view first.
+    """Indices of up to `count` views that overlap little (section 3.3.2), beginning with the first view.
 
-    Next is always the view whose picture the chosen ones, warped into it, cover least.
+    The next view is always the one whose picture is covered least by the chosen views warped into it.
     """
     packed = np.array([view.camera.packed() for view in views])
     chosen: list[int] = []
@@ -47,10 +47,9 @@ class _Added(NamedTuple):
 
 
 class Coverage:
-    """The surfaces that the views added up to now show.
+    """The surfaces in the views that have been added so far.
 
-    `delta`: how much nearer a surface may be that is taken as one with another; positions are relative to `origin`,
-    metres.
+    `delta`: surfaces within this distance count as one; `origin`: the scene's, metres in the world.
     """
 
     def __init__(self, delta: Delta, origin: npt.ArrayLike = (0.0, 0.0, 0.0)) -> None:
@@ -58,8 +57,8 @@ class Coverage:
         self._added: list[_Added] = []
 
     def keep_farther(self, view: View, edge: float) -> npt.NDArray[np.uint8]:  # [h, w]
-        """Adds a view; 1 where it shows a surface that no view before shows, nor anything about as far or farther there
-        (the paper asks the three corners of a triangle, here each pixel is asked).
+        """Adds a view; 1 where it shows a surface to be kept: no earlier view shows that surface, or one at about the
+        same distance or farther, at its place. (The paper tests the three corners of a triangle, this tests each pixel.)
 
         `edge`: the disparity step between neighbouring pixels that is a depth edge, 1/m.
         """

@@ -1,19 +1,20 @@
-"""Foreground culling: what no camera's rays from outside the scene find is not background (section 3.3.2, Fig. 5).
+"""Foreground culling: a triangle is not background if no camera's rays from outside the scene find it (section 3.3.2,
+Fig. 5).
 
 There are two ways to cast these rays.
 
-- By triangle, the default (`Settings.culling_stride` 0; `RayTracer.mark_by_triangle`): rays through points of the
-  triangles that have no mark yet. It is the same question, asked from the triangle's side, with far fewer rays. Here
-  the delta of the complementary ray is the room in which nothing counts as being behind a triangle.
-- By pixel, the paper's (`culling_stride` 1; `RayTracer.mark_by_pixel`): two rays for each pixel of the reference
+- By triangle, the default (`Settings.culling_stride` 0; `RayTracer.mark_by_triangle`): rays go through points of the
+  triangles that have no mark yet. This asks the same question from the triangle's side, with far fewer rays. Here,
+  surfaces within half of the complementary ray's delta do not count as being behind a triangle.
+- By pixel, as in the paper (`culling_stride` 1; `RayTracer.mark_by_pixel`): two rays for each pixel of the reference
   cameras, each followed by a *complementary ray* (Fig. 6a) from delta / 2 before the closest hit to delta / 2 behind
-  it, that marks all it meets. Triangles without a mark after that are still asked by triangle, as rays by pixel miss
-  some of the triangles that are smaller than a pixel; not so with `Settings.rays_by_triangle` False, as in the paper.
+  it, which marks every triangle that it meets. Rays by pixel miss some triangles that are smaller than a pixel, so
+  triangles that are still without a mark then get rays by triangle; with `Settings.rays_by_triangle` False they get
+  none, as in the paper.
 
-Each camera owns one bit of every triangle's marks. In its turn the bit is taken away everywhere, and leaves those of
-the others: with a group of cameras a frame, a triangle stays until every camera has had its turn without finding it.
-A triangle of the S-PBS that was flagged stays flagged, as in the paper: rays no longer see it, so that none can mark it
-again.
+Each camera owns one bit of every triangle's marks. In the camera's turn only this bit is renewed. With one group of
+cameras per frame, a triangle therefore stays until every camera has had its turn without finding it. A flagged triangle
+of the S-PBS stays flagged, as in the paper: rays no longer see it, so none can mark it again.
 """
 
 from __future__ import annotations
@@ -38,17 +39,17 @@ __all__ = [
 
 
 class Unmarked(NamedTuple):
-    """Valid triangles (numbers [n]) of a surface that have no mark."""
+    """The valid triangles of a surface that have no mark: their numbers int64 [n]."""
 
     surface: Surface
     triangles: I64
 
 
 class ForegroundCulling:
-    """Renews reference cameras' marks, where something has changed, and flags what no camera's marks are left on.
+    """Renews reference cameras' marks where geometry has changed, and flags triangles without any mark as invalid.
 
-    The settings say how rays are cast, see the module. changed: where geometry is new since each camera's last rays;
-    cast_version: the PBS' version at each camera's last rays.
+    The settings decide how rays are cast (see the module's docstring). changed: where geometry is new since each
+    camera's last rays; cast_version: the PBS' version at each camera's last rays.
     """
 
     def __init__(self, pbs: ProbableBackgroundSurface, cameras: ReferenceCameras, settings: Settings) -> None:
@@ -58,16 +59,16 @@ class ForegroundCulling:
         self.cast_version = [-1] * len(cameras)
 
     def due(self, group: Sequence[int]) -> list[int]:
-        """The cameras of a group that may find something else than at their last rays."""
+        """The cameras of a group whose rays may give another result than the last time."""
         return [c for c in group if self.cast_version[c] != self._pbs.version]
 
     def note_cast(self) -> None:
-        """No camera would find anything else now."""
+        """Notes that no camera's rays would give another result now."""
         self.cast_version = [self._pbs.version] * len(self._cameras)
 
     def cull(self, group: Sequence[int], delta: Delta, report: UpdateReport, *, share: bool = False) -> None:
-        """Renews the marks of a group of cameras, and culls. With `share` the cameras start on other triangles each,
-        which evens out their turns."""
+        """Renews the marks of a group of cameras, then culls. With `share`, each camera is the first to look at a
+        different part of the triangles, so that their marks, and later turns, are of equal size."""
         for c in group:
             self.cast_version[c] = self._pbs.version
             self.changed.forget(c, list(self._pbs.surfaces()), delta)
@@ -82,17 +83,17 @@ class ForegroundCulling:
 
 
 def mark_pixels(pbs: ProbableBackgroundSurface, camera: int, packed: F64, stride: int, delta: Delta) -> int:
-    """Renews a camera's marks by rays through its pixels, the paper's way; returns the number of rays.
+    """Renews a camera's marks by rays through its pixels, as in the paper; returns the number of rays.
 
-    Two rays for every stride-th pixel both ways; each that hits is followed by a complementary one. `packed` is
-    the camera as kernels take it.
+    Two rays are cast for every stride-th pixel in both directions; each hit is followed by a complementary ray.
+    `packed`: the camera, float64 [CAMERA_SIZE].
     """
     clear_marks(pbs, camera)
     return pbs.tracer.mark_by_pixel(camera, packed, stride, delta)
 
 
 def clear_marks(pbs: ProbableBackgroundSurface, camera: int) -> None:
-    """Takes a camera's marks from all triangles."""
+    """Removes a camera's marks from all triangles."""
     word, bit = camera // 64, np.uint64(1 << (camera % 64))
     for surface in pbs.surfaces():
         surface.marks[:, word] &= ~bit
@@ -101,12 +102,13 @@ def clear_marks(pbs: ProbableBackgroundSurface, camera: int) -> None:
 def mark_missed(
     pbs: ProbableBackgroundSurface, cameras: Sequence[int], packed: F64, delta: Delta, *, share: bool = False
 ) -> tuple[int, list[Unmarked]]:
-    """Looks again at triangles without a mark: the first of the cameras that finds one marks it; returns the rays, and
-    what is left without a mark.
+    """Casts rays through triangles without a mark: the first of the cameras that finds a triangle marks it. Returns the
+    number of rays, and the triangles that are still without a mark.
 
     Rays go through points of the triangles, and only as far as there could be something behind them: an error-bounded
-    mesh has triangles smaller than any stride, and far fewer triangles than pictures have pixels. With one mark each,
-    triangles are looked at again in that camera's next turn, not in every one. `packed`: [all cameras, CAMERA_SIZE].
+    mesh has triangles smaller than any stride, and far fewer triangles than pictures have pixels. A triangle gets one
+    mark, so it is tested again only in that camera's next turn, not in every turn. `packed`: [all cameras,
+    CAMERA_SIZE].
     """
     order, rays, left = np.array(cameras, np.int64), 0, []
     for surface, missed in _list_unmarked(pbs):
@@ -118,7 +120,7 @@ def mark_missed(
 
 
 def cull_unmarked(pbs: ProbableBackgroundSurface, unmarked: Sequence[Unmarked] | None = None) -> int:
-    """Flags as invalid what no camera has marked; returns how many triangles were valid before. `unmarked`: which, if
+    """Flags the valid triangles without any mark as invalid; returns their number. `unmarked`: those triangles, if
     known."""
     known = _list_unmarked(pbs) if unmarked is None else unmarked
     with pbs.lock:

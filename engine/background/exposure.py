@@ -5,15 +5,16 @@ Lowe, IJCV 74(1), 2007), gains and offsets for each channel (Xiong and Pulli, IE
 2010), and iteratively reweighted least squares with Geman's and McClure's weights against what does not match. What is
 different here:
 
-- Views are compared where one's pixel, taken back into space by its depth, is seen by the other at the same depth and
-  away from depth edges, not where pictures overlap.
-- A view's *tone* is affine in 10-bit Y'CbCr: a gain and an offset of luma about black; of each chroma a gain about
-  grey, an offset, and a *tint*, a share of the luma. Gains of R', G', B' (white balance; and exposure, of which
-  gamma-coded video shows a power) do just that to chroma; the offsets stand for what a tone curve does beyond.
-- Overlaps say which tones differ, not which is right. A picture is rendered in the mean tone of the views round its
-  camera, weighted by their nearness (`rig.selection.view_shares`), so it changes smoothly as the head moves.
-- The background model keeps colours in a *common tone*. What the cameras see of it again tells how that tone drifts, so
-  surfaces of the past follow when the light or all exposures change.
+- Views are compared where a pixel of one view, back-projected by its depth, is seen by the other view at the same depth
+  and away from depth edges; it is not enough that pictures overlap.
+- A view's *tone* is affine in 10-bit Y'CbCr. Luma has a gain and an offset about black. Each chroma has a gain about
+  grey, an offset, and a *tint*, which is a share of the luma. Gains of R', G', B' (white balance; and exposure, which
+  is a power of the gain in gamma-coded video) have exactly this effect on chroma; the offsets approximate the other
+  effects of a tone curve.
+- Overlaps tell which tones differ, not which tone is right. A picture is rendered in the mean tone of the views round
+  its camera, weighted by their nearness (`rig.selection.view_shares`), so it changes smoothly as the head moves.
+- The background model keeps colours in a *common tone*. Where the cameras see the model's surfaces again, the
+  comparison tells how that tone drifts, so surfaces of the past follow when the light or all exposures change.
 """
 
 from __future__ import annotations
@@ -47,15 +48,15 @@ __all__ = ["LIKELY", "Exposure", "packed", "to_common", "to_picture"]
 IntArray = npt.NDArray[np.int64]
 
 _NEIGHBOURS = 4  # views that each view is compared with
-LIKELY = 48  # views that these are chosen from
-_SAMPLES = 9000  # pixels looked at
-_LEAST, _MOST = 64, 640  # pixels looked at a pair
-_TURNS = 3  # frames in which each pair is looked at once
-_FIRST_ROUNDS, _ROUNDS = 12, 1  # of reweighting, in the first frame and in later ones
+LIKELY = 48  # views that the neighbours are chosen from
+_SAMPLES = 9000  # pixels compared, all pairs together
+_LEAST, _MOST = 64, 640  # pixels compared per pair
+_TURNS = 3  # number of frames in which each pair is sampled once
+_FIRST_ROUNDS, _ROUNDS = 12, 1  # rounds of reweighting, in the first frame and in later ones
 # Standard deviations of gain, offset (codes) and tint that are expected without evidence.
 _EXPECTED = np.array([0.2, 12.0, 0.08])
-_KEPT = 0.9  # of a tone is still expected: what is no longer seen fades to identity in tens of time constants
-_MODEL_WEIGHT = 0.02  # the model tells how light changes with time; how views differ is for overlaps to say
+_KEPT = 0.9  # share of the last tone that is expected: without evidence it fades to identity in tens of time constants
+_MODEL_WEIGHT = 0.02  # low: the model tells how light changes with time, overlaps tell how views differ
 _NEUTRAL = np.array([1.0, 0.0, 0.0])
 _CENTRE = np.array([64.0, 512.0, 512.0])  # black and grey
 _NONE = np.empty((0, 4), np.int64)
@@ -63,7 +64,8 @@ _NONE = np.empty((0, 4), np.int64)
 
 @dataclass(frozen=True, slots=True)
 class _Overlap:
-    """What pairs [p, 2] of views (and then of the model's images) both see: samples [p, s, 2, 3], how many of each."""
+    """Surfaces that both of a pair see: pairs [p, 2] of views (then of views and the model's images), samples
+    [p, s, 2, 3], and the number of samples of each pair, counts [p]."""
 
     pairs: IntArray
     samples: npt.NDArray[np.float32]
@@ -77,7 +79,7 @@ class _Overlap:
 class Exposure:
     """Follows the tones of a rig's views. `update` is called by one thread; `tones` is replaced, never written to.
 
-    follow_s: the time constant in seconds with which tones are followed; depths: typical ones of the scene, metres.
+    follow_s: the time constant, seconds, with which tones are followed; depths: typical depths of the scene, metres.
     """
 
     def __init__(self, camera_count: int, follow_s: float, depths: Sequence[float]) -> None:
@@ -91,9 +93,10 @@ class Exposure:
         self.tones = _matrices(self._state)  # [n, 4, 4]: view from common, of (Y', Cb, Cr, 1) about black and grey
 
     def update(self, views: ViewTable, elapsed_s: float, known: Sequence[int] = (), model: IntArray = _NONE) -> None:
-        """Compare the views of a frame, `elapsed_s` after the one before.
+        """Compare the views of a frame, `elapsed_s` seconds after the last one.
 
-        known: views whose camera has a maximum depth image; model: the addresses [k, 4] of these images' planes.
+        known: indices [k] of views whose camera has a maximum depth image; model: addresses [k, 4] of these images'
+        planes.
         """
         self._gather(views, known, model)
         expected = _NEUTRAL + _KEPT * (self._state - _NEUTRAL)
@@ -106,7 +109,7 @@ class Exposure:
         self.tones = _matrices(self._state)
 
     def _gather(self, views: ViewTable, known: Sequence[int], model: IntArray) -> None:
-        """Renew the samples of the pairs whose turn it is, and of all if the pairs are others than before."""
+        """Renew the samples of the pairs whose turn it is, or of all pairs if they have changed."""
         self._find_neighbours([prepared.view.camera for prepared in views.views])
         pairs = [(a, b) for a, near in enumerate(self._neighbours) for b in near]
         pairs += [(a, len(views.views) + k) for k, a in enumerate(known)]
@@ -125,14 +128,14 @@ class Exposure:
         )  # fmt: skip
 
     def _find_neighbours(self, cameras: Sequence[Camera]) -> None:
-        """For each camera that has moved the others that see most of what it sees."""
+        """Find, for each camera that has moved, the other cameras that see most of its view."""
         moved = [k for k, camera in enumerate(cameras) if camera != self._cameras[k]]
         packed = np.stack([camera.packed() for camera in cameras]) if moved else np.empty((0, 0))
         for k in moved:
             self._cameras[k] = camera = cameras[k]
             others = list(range(len(cameras)))
             if len(cameras) > LIKELY + 1:
-                others = likely_views(camera, packed, LIKELY + 1, self._depths)  # it is likely itself
+                others = likely_views(camera, packed, LIKELY + 1, self._depths)  # the camera itself is among them
             others = [i for i in others if i != k]
             if len(others) > _NEIGHBOURS:
                 chosen = select_views(camera, [cameras[i] for i in others], _NEIGHBOURS, self._depths)
@@ -141,9 +144,9 @@ class Exposure:
 
 
 def _solve(overlap: _Overlap, state: F64, expected: F64) -> F64:
-    """One round of reweighting: the tones [n, 3, 3] of least squares, by the weights that `state` gives."""
+    """One round of reweighting: the least-squares tones [n, 3, 3], with weights from the present tones `state`."""
     count, pairs = len(state), len(overlap.pairs)
-    nodes = np.minimum(overlap.pairs, count)  # all of the model is one more node
+    nodes = np.minimum(overlap.pairs, count)  # the whole model is one more node
     tones = np.concatenate([state, _NEUTRAL[None].repeat(3, 0)[None]])  # the model's own tone is the common one
     information, evidence = np.empty((pairs, 3, 3, 3)), np.empty((pairs, 3, 3))
     weigh_samples(overlap.samples, overlap.counts, nodes, tones, information, evidence)
@@ -165,12 +168,13 @@ def _matrices(state: F64) -> F64:  # [n, 3, 3] -> [n, 4, 4]
 
 
 def to_common(tones: F64) -> F64:  # [n, 4, 4] -> [n, TONE_SIZE]
-    """What turns each view's colours into the common tone, packed."""
+    """The packed tones that convert each view's colours to the common tone."""
     return packed(np.asarray(np.linalg.inv(tones), np.float64))
 
 
 def to_picture(tones: F64, shares: F64) -> F64:  # [n, 4, 4], [n] -> [n + 1, TONE_SIZE]
-    """What turns each view's colours into the views' mean tone, by their shares (sum 1), packed; last, the model's."""
+    """The packed tones that convert the colours of each view, and last of the model, to the mean tone of the views,
+    weighted by `shares` (their sum is 1)."""
     mean = np.einsum("n,nij->ij", shares, tones)
     to_mean: F64 = mean @ np.concatenate([np.linalg.inv(tones), np.eye(4)[None]])
     return packed(to_mean)

@@ -1,4 +1,4 @@
-"""Maximum depth images: per camera, the farthest surface seen through each pixel up to now (section 3.3.3)."""
+"""Maximum depth images: for each camera and pixel, the farthest surface seen so far (section 3.3.3)."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from .tolerances import Tolerances
 
 __all__ = ["BLOCK", "MaximumDepthImage"]
 
-BLOCK = (2 * PHASES, TILE)  # rows and columns of the blocks in which changes are looked for
+BLOCK = (2 * PHASES, TILE)  # rows and columns of the blocks by which changes are searched
 
 
 class MaximumDepthImage:
-    """Depth codes and colour of the farthest surface per pixel, and what the P-PBS has to know of each.
+    """Depth codes and colour of the farthest surface per pixel, and flags for the P-PBS.
 
-    codes uint16 [h, w], texture 10 bit 4:2:0; flags uint8 [h, w], bits: changed since the camera's last turn (UPDATED),
-    belongs to the P-PBS (KEPT), the colour was seen at the rim of something nearer (PROVISIONAL); fused uint8 [h, w]:
-    how many views depth and colour are the mean of, without elements while they are of one. `edge` is a depth edge's
-    disparity step, 1/m; `tone` is what is done to the view's colours, packed (`kernels.base.tone`). Without `refine` no
-    colour is provisional. Codes and texture stay where they are for life.
+    codes uint16 [h, w]; texture: 10 bits, 4:2:0. flags uint8 [h, w], bits: changed since the camera's last turn
+    (UPDATED), belongs to the P-PBS (KEPT), the colour was seen at the rim of something nearer (PROVISIONAL). fused
+    uint8 [h, w]: the number of views whose mean depth and colour are; empty while that is one everywhere. `edge`: the
+    disparity step of a depth edge, 1/m; `tone`: the tone that is applied to the view's colours, packed
+    (`kernels.base.tone`). Without `refine` no colour is provisional. Codes and texture keep their addresses for life.
     """
 
     def __init__(
@@ -49,26 +49,26 @@ class MaximumDepthImage:
         self.fused = np.empty((0, 0), np.uint8)
         self._edge = min(round(edge / view.camera.depth.step), view.camera.depth.max_code)  # in codes
         self._refine = refine
-        self._number = 0  # of the last view taken
-        self._turn = 0  # of the last one that was looked at whole
+        self._number = 0  # views taken so far
+        self._turn = 0  # views that were compared whole so far
         self.compare_by(tolerances)
         blocks = [-(-size // step) for size, step in zip(self.codes.shape, BLOCK, strict=True)]
         self.pending = np.zeros(blocks, bool)  # blocks with updates since the camera's last turn
-        self.lone = np.zeros(blocks, bool)  # blocks with updated pixels that were left then
+        self.lone = np.zeros(blocks, bool)  # blocks in which updated pixels wait for neighbours since then
         self._counts = np.zeros((2, *blocks), np.int64)
 
     def compare_by(self, tolerances: Tolerances) -> None:
-        """Sets what a nontrivial amount is."""
+        """Sets the nontrivial amount (section 3.3.3) by which a new depth must be farther."""
         self._compare_by(tolerances.margin_m, tolerances.margin_disparity(self.camera.depth))
         mark_provisional(self.codes, self._rules, self.flags)
 
     def _compare_by(self, margin_m: float, margin_disparity: float) -> None:
         coding = self.camera.depth
-        edge = self._edge if self._refine else coding.max_code  # which no neighbour is nearer by
+        edge = self._edge if self._refine else coding.max_code  # no neighbour is nearer by more than that
         self._rules = _comparison(coding, margin_m, margin_disparity, edge)
 
     def state(self) -> dict[str, Any]:
-        """All that it holds besides its camera, by the names of `state.CaptureState`; copies."""
+        """All its data except the camera, by the names of `state.CaptureState`; copies."""
         arrays = {name: getattr(self, name).copy() for name in ("codes", "flags", "fused", "pending", "lone")}
         y, cb, cr = (plane.copy() for plane in _planes(self.texture))
         rules = self._rules
@@ -80,7 +80,7 @@ class MaximumDepthImage:
 
     @classmethod
     def from_state(cls, camera: Camera, state: CaptureState) -> MaximumDepthImage:
-        """The image that had this state; copies."""
+        """An image with this state; arrays are copied."""
         view = View(camera, Texture(state.y, state.cb, state.cr), state.codes)
         image = cls(view, Tolerances(0.0, 0.0), 0.0, refine=state.refine)
         image._edge = state.edge
@@ -92,10 +92,10 @@ class MaximumDepthImage:
         return image
 
     def update(self, view: View, tone: npt.ArrayLike = IDENTITY, *, whole: bool = True) -> int:
-        """Takes over what the camera's new view shows farther, by a nontrivial amount; returns how many pixels.
+        """Takes over the pixels where the camera's new view is farther by a nontrivial amount; returns their number.
 
-        Without `whole` only a sample of the rows is looked at where nothing has changed: some changes are found later,
-        all within PHASES views.
+        Without `whole`, only a sample of the rows is compared in blocks without changes: some changes are then found
+        later, but all within PHASES views. `tone` as in the class.
         """
         self._number += 1
         self._turn += whole
@@ -108,7 +108,8 @@ class MaximumDepthImage:
         return int(counts.sum())
 
     def fuse(self, view: View, tone: npt.ArrayLike = IDENTITY) -> None:
-        """Takes the mean with the view that `update` took, where both show the same; other rows in each of PHASES."""
+        """Averages with the view that `update` took, where both show the same surface. Each call covers one of PHASES
+        groups of rows."""
         if self.fused.size == 0:
             self.fused = np.ones(self.codes.shape, np.uint8)
         fuse_maximum_depth(
@@ -118,22 +119,22 @@ class MaximumDepthImage:
 
     @property
     def memory(self) -> int:
-        """Bytes of its arrays of pixels."""
+        """Bytes of the arrays of pixels."""
         seen = sum(array.nbytes for array in (self.codes, *_planes(self.texture)))
         return seen + self.flags.nbytes + self.fused.nbytes
 
     @property
     def kept(self) -> npt.NDArray[np.uint8]:  # [h, w]
-        """Which pixels belong to the P-PBS: not 0; a copy."""
+        """Not 0 where a pixel belongs to the P-PBS; a copy."""
         return self.flags & np.uint8(KEPT)
 
     @property
     def rounds(self) -> int:
-        """How often all pixels had their chance to be fused."""
+        """How often `fuse` has covered all pixels."""
         return self._number // PHASES
 
     def settled(self, mesh: Mesh, packed: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:  # [n, 3]
-        """Where the points of a mesh that was made of this image lie by now; `packed` is the camera."""
+        """The points of a mesh of this image at the image's present depths, metres; `packed`: the camera."""
         points = np.empty_like(mesh.points)
         settle_points(Triangles(mesh.points, mesh.uv, mesh.triangles), packed, self._rules, self.codes, points)
         return points
@@ -148,7 +149,7 @@ class MaximumDepthImage:
 def _comparison(
     coding: DepthCoding, margin_m: float, margin_disparity: float, edge: int
 ) -> Rules:
-    """What a maximum depth image compares by. A rig's cameras mostly share it."""
+    """The rules by which a maximum depth image compares. The cameras of a rig mostly share them."""
     packed = coding.packed()
     rules = Rules(
         packed.offset, packed.step, packed.least, margin_m, margin_disparity, edge, 0, 0, 0,

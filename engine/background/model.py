@@ -1,6 +1,6 @@
-"""The progressive 3D background model (section 3.3): what the back end keeps of everything seen up to now.
+"""The progressive 3D background model (section 3.3): the background surfaces in all frames so far.
 
-This module says in which order things are done; each step has a module of its own. First frame (3.3.2): `s_pbs` (with
+This module holds the order of the steps; each step has a module of its own. First frame (3.3.2): `s_pbs` (with
 `coverage` and `reconstruction`), `culling`. Later frames (3.3.3): `maximum_depth`, `p_pbs` (with `triangle_filter`
 and `reconstruction`), `culling`. For each viewer (3.4.1): `pbi`.
 """
@@ -31,18 +31,20 @@ __all__ = ["BackgroundModel", "UpdateReport"]
 
 
 class BackgroundModel(ModelParts):
-    """S-PBS from the first frame, P-PBS from what later frames uncover; rendered as probable background images.
+    """The S-PBS from the first frame and the P-PBS from surfaces that later frames uncover; it renders probable
+    background images.
 
-    `update`, `state` and `render_pbi` are called by one thread at a time, `mesh` and `counts` by any other. A
-    camera that has moved since its capture began adds nothing from then on; what it added before stays as far as other
-    cameras find it. A frame that does not fit is a ValueError and changes nothing. tracer: None: Embree.
+    `update`, `state` and `render_pbi` are called by one thread at a time, `mesh` and `counts` by any thread. A camera
+    that has moved since its capture began adds nothing more; its earlier triangles stay as long as other cameras find
+    them. tracer: the ray tracer; None: Embree.
     """
 
     def update(self, frame: Frame, tones: F64 | None = None) -> UpdateReport:
-        """Takes in the next frame: the first builds the S-PBS, each later one gives a group of cameras its turn.
+        """Takes the next frame: the first builds the S-PBS, each later one gives a group of cameras its turn.
 
-        tones [n, TONE_SIZE]: what brings the views' colours to the tone that the model keeps; None: nothing does.
-        Raises ValueError for a frame of other cameras, and for a first one without depth.
+        tones [n, TONE_SIZE]: the packed tones that convert the views' colours to the model's common tone; None: no
+        conversion. Raises ValueError, and changes nothing, for a frame of other cameras and for a first frame without
+        depth.
         """
         self._rig.check(frame)
         if tones is None:
@@ -53,13 +55,12 @@ class BackgroundModel(ModelParts):
         return report
 
     def state(self) -> ModelState:
-        """All that the model is, as copies; by the thread that updates. None of what it was made with is needed to
-        continue."""
+        """The whole model as copies; called by the thread that updates. It is all that `from_state` needs."""
         return state_of(self)
 
     @classmethod
     def from_state(cls, state: ModelState, tracer: RayTracer | None = None) -> BackgroundModel:
-        """The model that had this state: it continues bit for bit. Raises ValueError for a state of another version."""
+        """A model with this state, which continues bit for bit. Raises ValueError for a state of another version."""
         state.check()
         cameras = [camera.camera() for camera in state.cameras]
         model = cls(cameras, settings_of(state), state.scene.scene(), tracer)
@@ -116,7 +117,7 @@ class BackgroundModel(ModelParts):
         return report
 
     def _update_images(self, frame: Frame, tones: F64, group: Sequence[int], report: UpdateReport) -> None:
-        """Maximum depth images take in the views of all cameras that stand where their captures began."""
+        """Updates the maximum depth images of all cameras that have not moved since their captures began."""
         fixed = self._rig.fixed()
         if self._tolerances.follow(frame, fixed):
             self._captures.compare_by(self.tolerances)
@@ -127,14 +128,14 @@ class BackgroundModel(ModelParts):
                 image.fuse(frame.views[c], tones[c])
 
     def _begin_capture(self, c: int, view: View, tone: F64) -> Capture:
-        """A camera's current capture is a new one, of which this is the first view."""
+        """Begins a new current capture of a camera with its first view."""
         edge, refine = self._reconstruction.options[c].edge, self.settings.refine
         image = MaximumDepthImage(view, self.tolerances, edge, tone, refine=refine)
         return self._captures.add(c, image, self._rig.packed[c])
 
     def _recapture(self, c: int, view: View, tone: F64) -> Capture:
-        """A camera that stands elsewhere begins a newer capture there (section 4.2: its maximum depth image is reset
-        with the depth of its view). What stems from older ones stays, with its colours."""
+        """Begins a newer capture of a camera that has moved (section 4.2: its maximum depth image is reset with the
+        depth of its view). Surfaces from older captures stay, with their colours."""
         self._rig.place_one(c, view.camera)
         self._tolerances.replace(c, view)
         self._culling.cast_version[c] = -1
@@ -142,8 +143,8 @@ class BackgroundModel(ModelParts):
         return self._begin_capture(c, view, tone)
 
     def _flag_hidden(self, surfaces: Sequence[Surface], frame: Frame, report: UpdateReport) -> None:
-        """Flags what nobody in the viewing space can see for other background; where the farthest surface is shown,
-        none hides another."""
+        """Flags triangles that other background hides from the whole viewing space. If PBIs show the farthest surface,
+        no surface hides another, and nothing is flagged."""
         if self._space is None or self.settings.backdrop != "standing":
             return
         with timed(report.stages, "hidden"):

@@ -1,10 +1,10 @@
 """Update of the P-PBS (section 3.3.3): a reference camera's turn.
 
 The paper merges new triangles with those of the P-PBS into a temporary P-PBS, culls that, and compacts what is left.
-There is no temporary P-PBS here: a camera's part of the P-PBS is derived anew, whole, from its maximum depth image and
-from which of its pixels the triangle filter has accepted (KEPT), with the marks of the triangles that were there
-before. What culling takes away is taken from these pixels in the camera's next turn. So slivers of successive frames
-merge, and the P-PBS is as large as what is visible, however long the video is.
+There is no temporary P-PBS here. A camera's part of the P-PBS is derived anew as a whole from its maximum depth image
+and the pixels that the triangle filter has accepted (KEPT), and inherits the marks of the triangles before. When
+culling removes triangles, their pixels lose KEPT in the camera's next turn. So slivers of successive frames merge, and
+the size of the P-PBS is bounded by the visible area, however long the video is.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ __all__ = ["ProgressiveUpdate"]
 
 
 class ProgressiveUpdate:
-    """Derives the parts of the P-PBS of `count` reference cameras. changed: where new geometry is noted."""
+    """Derives the parts of the P-PBS of `count` reference cameras. changed: receives the new geometry."""
 
     def __init__(
         self, pbs: ProbableBackgroundSurface, reconstruction: Reconstruction, changed: ChangedDirections,
@@ -39,11 +39,11 @@ class ProgressiveUpdate:
     ) -> None:  # fmt: skip
         self._pbs, self._reconstruction, self._changed = pbs, reconstruction, changed
         self._neighbours = settings.filter_neighbours
-        self.rounds = [1] * count  # of fusion, when each camera's surfaces were derived last
+        self.rounds = [1] * count  # rounds of fusion at the last time that each camera's points were moved
         self._scratch: dict[tuple[int, ...], I32] = {}
 
     def take_turn(self, capture: Capture, tolerances: Tolerances, report: UpdateReport) -> None:
-        """Filters what was uncovered since the camera's last turn, and derives its part of the P-PBS anew."""
+        """Filters the pixels updated since the camera's last turn, and derives its part of the P-PBS anew."""
         image, before = capture.image, self._pbs.progressive.get(capture.number)
         culled = before is not None and before.valid_count < len(before.invalid)
         # Twice the frames: noise has fallen by the square root of two.
@@ -70,7 +70,7 @@ class ProgressiveUpdate:
 
     @contextmanager
     def _painted(self, capture: Capture, before: Surface | None) -> Iterator[I32]:  # [h, w]
-        """Which valid triangle of a capture's part of the P-PBS covers each pixel, -1 where none does."""
+        """The number of the valid triangle, of a capture's part of the P-PBS, that covers each pixel; -1: none."""
         image = capture.image
         shape = image.codes.shape
         if shape not in self._scratch:
@@ -84,10 +84,10 @@ class ProgressiveUpdate:
         try:
             yield numbers
         finally:
-            paint_triangles(*triangles, True, numbers)  # a picture has many more pixels than a P-PBS
+            paint_triangles(*triangles, True, numbers)  # erases: cheaper than clearing all pixels
 
     def _derive(self, capture: Capture, before: Surface | None, numbers: I32, changed: B1) -> None:
-        """New triangles of the kept pixels; what was there before keeps its marks, outside the changed blocks."""
+        """Makes new triangles of the kept pixels; outside the changed blocks they inherit the marks from before."""
         image = capture.image
         mesh = self._reconstruction.triangles(capture.camera, image.camera, image.codes, image.kept)
         surface = self._pbs.set_progressive(capture.number, capture.camera, mesh)

@@ -1,4 +1,4 @@
-"""What a background model consists of, and what is read of it: probable background images, meshes, figures."""
+"""The parts of a background model, and its outputs: probable background images, meshes, figures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["ModelParts"]
 
 
 class ModelParts:
-    """The parts of a background model; `model.BackgroundModel` says in which order they do their work."""
+    """The parts of a background model; `model.BackgroundModel` calls them in order."""
 
     def __init__(
         self, cameras: Sequence[Camera], settings: Settings, scene: Scene, tracer: RayTracer | None = None
@@ -47,36 +47,36 @@ class ModelParts:
         self._culling = ForegroundCulling(self._pbs, self._rig, settings)
         changed = self._culling.changed
         self._p_pbs = ProgressiveUpdate(self._pbs, self._reconstruction, changed, settings, len(self._rig))
-        self._waited = 0  # frames that were not taken since the last that was
+        self._waited = 0  # frames skipped since the last update
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
-        """The reference cameras, where they stood when their current captures began."""
+        """The reference cameras, in the poses in which their current captures began."""
         return self._rig.cameras
 
     @property
     def captures(self) -> tuple[Capture, ...]:
-        """All that was seen from each pose: what surfaces stem from, the current ones and older ones."""
+        """All captures, current and older ones: the origins of surfaces."""
         return tuple(self._captures)
 
     @property
     def delta(self) -> float:
-        """The culling tolerance at the scene's median depth, metres, as set or as it followed from the first frames."""
+        """The culling tolerance at the scene's median depth, metres, as set or as derived from the first frames."""
         return float(self.tolerances.delta_at(self.tolerances.depth_m))
 
     @property
     def tolerances(self) -> Tolerances:
-        """What surfaces are compared by, as it is set or follows from the frames up to now."""
+        """The tolerances with which surfaces are compared, as set or as derived from the frames so far."""
         return self._tolerances.now
 
     @property
     def mesh_tolerance(self) -> float:
-        """How far its triangles may be from the depth that was seen, as disparity, 1/m."""
+        """The largest error of its triangles' depth, as disparity, 1/m."""
         return self._reconstruction.tolerance(self.cameras)
 
     def images(self, frame: Frame) -> tuple[list[int], I64]:
-        """Cameras that stand in a frame where their current captures have them, and [k, 4] the addresses of these
-        captures' codes, y, cb, cr (the colours are in the tone that the model keeps)."""
+        """The cameras [k] whose pose in a frame is that of their current capture, and the addresses [k, 4] of these
+        captures' codes, y, cb and cr planes (colours in the model's common tone)."""
         fixed = self._rig.fixed_in(frame) if len(self._captures) else []
         return (fixed, self._captures.planes(fixed)) if fixed else ([], np.empty((0, 4), np.int64))
 
@@ -86,8 +86,8 @@ class ModelParts:
 
     @property
     def memory(self) -> dict[str, int]:
-        """Bytes: images (what each camera has seen, by pixel), surfaces (triangles, their points and marks) and
-        ray_tracer (its hierarchies over the surfaces)."""
+        """Bytes of images (the maximum depth images), surfaces (triangles, their points and marks) and ray_tracer (its
+        hierarchies over the surfaces)."""
         return {
             "images": self._captures.memory, "surfaces": self._pbs.memory, "ray_tracer": self._pbs.tracer.memory,
         }  # fmt: skip
@@ -102,9 +102,9 @@ class ModelParts:
         """The background seen from a camera (its depth coding must have invalid codes), section 3.4.1; see
         `pbi.render_pbi`.
 
-        Without `present`, the farthest surfaces; with the views of the newest frame, in the order of the cameras, the
-        nearest ones beyond depth `near` (metres) that stand: no view looks or has ever looked through them, or the one
-        they stem from shows them now.
+        Without `present` it shows the farthest surfaces. `present`: the views of the newest frame, in the order of the
+        cameras; then it shows, beyond the depth `near` (metres), the nearest surface that stands. A surface stands if
+        no view sees or has ever seen past it, or if the view that it stems from shows it now.
         """
         return render_pbi(
             self._pbs, self._captures, camera, self._origin, self._present(present, near), self.tolerances.delta,
@@ -112,5 +112,5 @@ class ModelParts:
         )  # fmt: skip
 
     def mesh(self) -> ColouredMesh:
-        """The valid triangles with the colours of their captures; copies, made at any time."""
+        """The valid triangles with the colours of their captures; copies. Any thread may call this at any time."""
         return coloured_mesh(self._pbs, self._captures, self._origin)

@@ -1,9 +1,9 @@
-"""Completion of depth maps that have pixels without depth, as sensors leave them on what is dark, glossy or thin.
+"""Completion of depth maps with pixels without depth. Sensors leave such pixels on dark, glossy or thin things.
 
-A completed pixel next to measured ones is as good as measured. The others are doubtful: they are drawn only where no
-view has a surface that was measured. So are mixed pixels, whose depth lies half way between a surface and the one
-that it hides ("flying pixels"), and which are completed like those without depth. The background model is built from
-measured depth alone.
+A completed pixel next to measured ones is as good as measured. The other completed pixels are doubtful: they are drawn
+only where no view has a measured surface. Mixed pixels ("flying pixels"), with a depth half way between a surface and
+the one that it hides, are completed like pixels without depth, and are doubtful too. The background model is built
+from measured depth alone.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from .pyramid import empty_levels
 
 __all__ = ["Completed", "complete", "completed_codes"]
 
-# Of 255: within about two pixels of a measured one of the same colour. Anything between half and this makes no
-# difference in pictures of a real capture.
+# Least confidence, of 255, that is not doubtful: a pixel within about two pixels of a measured one of the same colour.
+# Any value between half of 255 and this gives the same pictures of a real capture.
 _TRUSTED = 180
-_CELL = 2  # pixels a side of the first level's cells (see `kernels.geometry.complete`)
+_CELL = 2  # side of the first level's cells, pixels (see `kernels.geometry.complete`)
 
 
 class Completed(NamedTuple):
-    """Depth codes uint16 [h, w] and which of them are doubtful, uint8 [h, w], 1 where so; None: all are measured."""
+    """Depth codes uint16 [h, w], and uint8 [h, w] that is 1 where they are doubtful; None: all are measured."""
 
     codes: npt.NDArray[np.uint16]
     doubtful: npt.NDArray[np.uint8] | None
 
 
 def complete(view: View, edge: float) -> Completed:
-    """Depth for all pixels of a view; a view that lacks none, or has none at all, is left as it is.
+    """Depth for all pixels of a view. A view stays as it is if all of its pixels have depth, or none has.
 
     `edge`: disparity step between neighbours that is a depth edge, 1/m.
     """
@@ -47,8 +47,9 @@ def complete(view: View, edge: float) -> Completed:
 
 
 def completed_codes(view: View, edge: float) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint8]]:
-    """Codes [h, w] and their confidence [h, w], 255: measured; less with distance from measured pixels and where
-    colours differ from theirs. Code 0 is taken as no depth; something must be measured."""
+    """Codes [h, w] and their confidence [h, w]: 255 is measured; it falls with the distance from measured pixels and
+    with the difference from their colours. Code 0 means "no depth"; at least one pixel must be measured. `edge` as in
+    `complete`."""
     texture, levels = view.texture, empty_levels(view.codes.shape, _CELL)
     kernels.first_level(view.codes, texture.y, texture.cb, texture.cr, levels[0])
     for fine, coarse in itertools.pairwise(levels):

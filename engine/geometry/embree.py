@@ -1,8 +1,8 @@
 """Embree 4 through ctypes: scenes of triangle meshes over shared NumPy arrays.
 
-The library is the one inside the `embreex` wheel. Rays are cast by compiled kernels (`kernels.background.rays`), which
-take the addresses that this module gives out. Calls through ctypes release the GIL. Embree is float32: the
-points are relative to a scene origin near the cameras.
+The library is the one inside the `embreex` wheel. Compiled kernels (`kernels.background.rays`) cast the rays; they get
+the addresses from this module. Calls through ctypes release the GIL. Embree computes in float32, so points are
+relative to a scene origin near the cameras.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ..support.runtime import thread_count
 __all__ = ["EmbreeError", "MarkQuery", "RayScene", "intersect_address", "occluded_address"]
 
 _INDEX, _VERTEX, _UINT3, _FLOAT3 = 0, 1, 0x5003, 0x9003
-_LOW = 0  # build quality: a fifth of the time of the next better one, and rays take a tenth longer
+_LOW = 0  # build quality: it builds in a fifth of the time of the next better one, and rays take a tenth longer
 _DYNAMIC, _ROBUST, _ARGUMENT_FILTER = 1, 4, 8
 _ALL_FEATURES = 0xFFFFFFFF
 
@@ -100,10 +100,11 @@ def occluded_address() -> int:
 
 
 class RayScene:
-    """A dynamic scene of triangle meshes, each under an id of the caller's; only changed ones are rebuilt.
+    """A dynamic scene of triangle meshes, each under an id that the caller chooses; only changed meshes are rebuilt.
 
-    Changes count after `commit`, and no ray may be cast in between; flags of invalid triangles are shared and count
-    at once. Rays may be cast by any number of threads, but not during `commit`.
+    Changes take effect with `commit`; no ray may be cast between a change and `commit`, nor during it. Flags of invalid
+    triangles are shared and take effect at once. Any number of threads may cast rays. Raises EmbreeError if the library
+    is missing or refuses a call.
     """
 
     def __init__(self, threads: int | None = None) -> None:
@@ -118,7 +119,7 @@ class RayScene:
         self._release = weakref.finalize(self, _release, self._scene, self._device, self._allocated)
         self._buffers: dict[int, tuple[npt.NDArray[Any], ...]] = {}  # Embree reads them; it owns none
         self._retired: list[tuple[npt.NDArray[Any], ...]] = []  # of meshes taken away since the last commit
-        # Robust: without it rays leak through shared edges. Low: a hierarchy per geometry, under a common top.
+        # _ROBUST: without it, rays leak through shared edges. _LOW: one hierarchy per geometry, under a common top.
         self._call("SetSceneFlags", self._scene, _DYNAMIC | _ROBUST | _ARGUMENT_FILTER)
         self._call("SetSceneBuildQuality", self._scene, _LOW)
 
@@ -129,7 +130,7 @@ class RayScene:
 
     @property
     def memory(self) -> int:
-        """Bytes: what Embree has allocated (mostly its hierarchies), and the copies of the points that it reads."""
+        """Bytes that Embree has allocated (mostly for its hierarchies), plus the copies of points that it reads."""
         return int(self._allocated[0]) + sum(points.nbytes for points, _triangles, _invalid in self._buffers.values())
 
     def set(
@@ -139,16 +140,17 @@ class RayScene:
         triangles: npt.NDArray[np.int32],  # [m, 3]
         invalid: npt.NDArray[np.uint8],  # [m]
     ) -> None:
-        """Puts a mesh under an id, in the place of the one that was there; no triangles: nothing is there.
+        """Puts a mesh under an id and removes the one that was there; without triangles the id stays empty.
 
-        `triangles` and `invalid` are shared, not copied: rays pass through triangle i while invalid[i] != 0.
+        `triangles` and `invalid` are shared, not copied: rays pass through triangle i while invalid[i] != 0. Raises
+        ValueError for an `invalid` of another shape or type, or that is not C-contiguous.
         """
         if invalid.shape != (len(triangles),) or not invalid.flags.c_contiguous or invalid.dtype != np.uint8:
             raise ValueError(f"invalid: {invalid.dtype} {invalid.shape}: expected uint8 [{len(triangles)}]")
         self.remove(geometry_id)
         if len(triangles) == 0:
             return
-        padded = np.zeros((len(points) + 2, 3), np.float32)  # Embree reads 16 bytes a vertex
+        padded = np.zeros((len(points) + 2, 3), np.float32)  # Embree reads 16 bytes per vertex
         padded[: len(points)] = points
         triangles = np.ascontiguousarray(triangles, np.int32)
         geometry = self._call("NewGeometry", self._device, 0)
@@ -167,13 +169,13 @@ class RayScene:
             _library().rtcReleaseGeometry(geometry)  # the scene holds its own reference
 
     def remove(self, geometry_id: int) -> None:
-        """Takes away the mesh under an id, if there is one."""
+        """Removes the mesh under an id, if there is one."""
         if geometry_id in self._buffers:
             self._call("DetachGeometry", self._scene, geometry_id)
             self._retired.append(self._buffers.pop(geometry_id))
 
     def commit(self) -> None:
-        """Builds what has changed."""
+        """Builds all changed meshes."""
         self._call("CommitScene", self._scene)
         self._retired.clear()
 
@@ -198,7 +200,7 @@ class RayScene:
 
 
 def _release(scene: int, device: int, allocated: npt.NDArray[np.int64]) -> None:
-    """Ends a scene and its device; the count of its memory must outlive both."""
+    """Ends a scene and its device; the array with the count of its memory must outlive both."""
     _library().rtcReleaseScene(scene)
     _library().rtcReleaseDevice(device)
 
@@ -213,7 +215,7 @@ class MarkQuery:
 
     def __init__(self, marks: npt.NDArray[np.int64], word: int, bits: int) -> None:
         self._table = marks
-        self._context = np.full(CONTEXT_SIZE, -1, np.int64)  # of no instance; then what mark_and_pass reads
+        self._context = np.full(CONTEXT_SIZE, -1, np.int64)  # of no instance; then the fields of mark_and_pass
         self._context[[TABLE, WORD, BITS]] = address_of(marks), word, _signed(bits)
         # RTCIntersectArguments: flags, feature_mask, context, filter, and room for its optional fields.
         self._arguments = np.zeros(8, np.int64)

@@ -15,7 +15,7 @@ __all__ = ["Mesh"]
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles back-projected from one view (paper Fig. 4), wound alike as the view sees them.
+    """Triangles back-projected from one view (paper Fig. 4); all have the same winding as seen from the view.
 
     points float32 [n, 3] relative to the scene origin, metres; uv float32 [n, 2], the source picture's
     coordinates (pixel centres at +0.5); triangles int32 [m, 3]. block_starts int64 [b + 1, 2]: where each block's
@@ -29,24 +29,24 @@ class Mesh:
 
     @lazy
     def starts(self) -> npt.NDArray[np.int64]:  # [b + 1, 2]
-        """`block_starts`, or those of a single block."""
+        """`block_starts`, or the starts of a single block if that is None."""
         if self.block_starts is not None:
             return self.block_starts
         return np.array([[0, 0], [len(self.points), len(self.triangles)]], np.int64)
 
     @lazy
     def spheres(self) -> npt.NDArray[np.float32]:  # [b, 4]
-        """Centre and radius of a sphere round each block's points; a negative radius for an empty block."""
+        """Centre and radius, metres, of a sphere round each block's points; a negative radius for an empty block."""
         spheres = np.empty((len(self.starts) - 1, 4), np.float32)
         bound_blocks(self.points, self.starts, spheres)
         return spheres
 
     def warm(self) -> None:
-        """Make now what is made when it is first drawn."""
+        """Compute now everything that is otherwise computed when the mesh is first drawn."""
         _ = self.spheres
 
     def only(self, which: npt.NDArray[np.bool_]) -> Mesh:  # [m]
-        """Some of its triangles, with the points that these use, in one block."""
+        """The triangles of `which`, with the points that they use, in one block."""
         triangles = self.triangles[which]
         used = np.zeros(len(self.points), bool)
         used[triangles] = True

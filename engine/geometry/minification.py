@@ -1,6 +1,7 @@
-"""Views at reduced sizes, for pictures that are coarser than the views: a texel stands for what a pixel covers.
+"""Views at reduced sizes, for pictures that are coarser than the views: a texel covers about as much as a pixel.
 
-Prefiltering as in mip maps (Williams 1983), by surfaces: colours are averaged on one side of a depth edge alone.
+This is prefiltering as in mip maps (Williams 1983), but by surfaces: colours are averaged only on one side of a depth
+edge.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from .triangulation import TriangulationOptions, depth_cuts
 
 __all__ = ["MOST_LEVELS", "Level", "halved", "level_for"]
 
-MOST_LEVELS = 3  # beyond the full size
-# Texels that large, in pixels, still show more by not aliasing than they hide by blurring.
+MOST_LEVELS = 3  # smaller than the full size
+# Largest size of a texel, in pixels. Up to this size, the gain from less aliasing is greater than the loss by blur.
 _LARGEST_PX = 1.15
 
 
@@ -28,7 +29,8 @@ _LARGEST_PX = 1.15
 class Level:
     """A view at one size: its camera, depth codes, colour planes and cuts (see `depth_cuts`).
 
-    codes, y and cuts are [h, w]; cb and cr are half that size where the view is as it came (4:2:0), [h, w] below.
+    codes, y and cuts are [h, w]. cb and cr have half that size at the view's full size (4:2:0), and are [h, w] at
+    reduced sizes.
     """
 
     camera: Camera
@@ -45,14 +47,15 @@ class Level:
 
 
 def level_for(ratio: float) -> int:
-    """The level for a picture with so many view pixels for each of its own: 0, the full size, below 1.74."""
+    """The level for a picture; `ratio` is view pixels per picture pixel. Below 1.74 it is 0, the full size."""
     return min(max(math.floor(math.log2(_LARGEST_PX * ratio)), 0), MOST_LEVELS)
 
 
 def halved(level: Level, options: TriangulationOptions) -> Level | None:
-    """The next level; None where a size is odd, or too small to be fetched from.
+    """The next level; None if width or height is odd or less than 4.
 
-    The chroma of a 4:2:0 level is that of the next one: it has its size, and its samples are such means already.
+    The chroma planes of a 4:2:0 level are taken over as they are: they have the size of the next level, and each
+    sample is already the mean of 2 x 2 pixels.
     """
     h, w = level.y.shape
     if h % 2 or w % 2 or min(h, w) < 4:
@@ -73,7 +76,7 @@ def _mean(plane: U16, masks: npt.NDArray[np.uint8]) -> U16:
 
 
 def _halved_camera(camera: Camera) -> Camera:
-    """The camera whose pixels are 2x2 of these, which are even in number."""
+    """The camera with half the width and height, which are even."""
     p = camera.projection
     width, height = p.width // 2, p.height // 2
     if isinstance(p, Perspective):

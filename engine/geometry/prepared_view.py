@@ -1,4 +1,4 @@
-"""Source views with what rendering needs of them: meshes, sizes, and the tables that kernels read."""
+"""Source views prepared for rendering: their meshes, their reduced sizes, and the tables that kernels read."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Part = Literal["surface", "doubtful", "rims"]
 
 
 def pixels_per_radian(camera: Camera) -> float:
-    """Angular resolution in the middle of a camera's picture."""
+    """Angular resolution in the middle of a camera's picture, pixels per radian."""
     p = camera.projection
     if isinstance(p, Perspective):
         return math.sqrt(abs(p.fx * p.fy))
@@ -37,17 +37,17 @@ def pixels_per_radian(camera: Camera) -> float:
 
 
 def _coarser_axis(camera: Camera) -> float:
-    """Pixels a radian along the axis that has fewer: views are reduced both ways alike."""
+    """Pixels per radian along the axis with fewer of them: views are reduced by the same factor in both directions."""
     p = camera.projection
     return min(abs(p.fx), abs(p.fy)) if isinstance(p, Perspective) else pixels_per_radian(camera)
 
 
 @dataclass
 class PreparedView:
-    """A view with what warping needs of it; its meshes are made when first asked for, by one thread.
+    """A view prepared for warping; each of its meshes is made on first use, by one thread.
 
-    With `completes` its pixels without depth get one (see `completion.complete`). A camera's `triangulator` spares
-    what its last frame has in common with this one.
+    completes: pixels without depth are completed (see `completion.complete`). origin: the scene's, metres in the
+    world. triangulator: of this camera; it reuses the parts that are the same as in the camera's last frame.
     """
 
     view: View  # as it was measured
@@ -71,32 +71,32 @@ class PreparedView:
             return self._completed
 
     def mesh(self, part: Part = "surface") -> Mesh:
-        """The view's surface as far as its depth is trusted, its doubtful rest, or its rims (see `triangulate`)."""
+        """The view's surface of trusted depth, of doubtful depth, or its rims (see `triangulate`)."""
         with self._lock:
             if part not in self._meshes:
                 self._meshes[part] = self._triangulate(part)
             return self._meshes[part]
 
     def warm(self, parts: Sequence[Part]) -> None:
-        """Make now what drawing these parts needs; otherwise the first picture would."""
+        """Make now everything that drawing these parts needs; otherwise the first picture has to make it."""
         for part in parts:
             self.mesh(part).warm()
 
     @property
     def triangle_count(self) -> int:
-        """Triangles of the meshes that were asked for up to now."""
+        """Triangles of the meshes that have been made so far."""
         return sum(len(mesh.triangles) for mesh in self._meshes.values())
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """What the view has besides rims."""
+        """The parts that the view has, besides rims."""
         return ("surface",) if self.completed.doubtful is None else ("surface", "doubtful")
 
     def _triangulate(self, part: Part) -> Mesh:
         codes, doubtful = self.completed
         if part == "surface" and doubtful is None and self.triangulator is not None:
             mesh, cuts = self.triangulator.triangulate(self.view.camera, codes, self.options, self.origin)
-            self._cuts = cuts if self._cuts is None else self._cuts  # someone may hold its address
+            self._cuts = cuts if self._cuts is None else self._cuts  # kept: a table may hold its address
             return mesh
         if part == "surface" and doubtful is not None:
             codes = np.where(doubtful, np.uint16(0), codes)
@@ -108,7 +108,7 @@ class PreparedView:
 
     @lazy
     def invalid_share(self) -> float:
-        """About how much of the picture has no depth as it is drawn."""
+        """The approximate share of the picture that has no depth when it is drawn (after completion)."""
         return float(np.mean(self.completed.codes[::8, ::8] == 0)) if self.view.camera.depth.has_invalid else 0.0
 
     @lazy
@@ -123,9 +123,9 @@ class PreparedView:
         row[view_table.OFFSET], row[view_table.STEP] = coding.offset, coding.step
         row[view_table.INVALID] = coding.has_invalid
         row[view_table.EDGE] = max(self.options.edge / coding.step, 1.0)
-        # A step within which a surface is not cut is no disagreement.
+        # A step at which a surface is not cut does not count as a disagreement between views.
         row[view_table.TOLERANCE] = row[view_table.EDGE] + 1.0
-        row[view_table.SHARPNESS] = pixels_per_radian(self.view.camera)  # whatever its size now: no view is worth less
+        row[view_table.SHARPNESS] = pixels_per_radian(self.view.camera)  # of the full size: reducing costs no weight
         row[view_table.SUBSAMPLED] = 1.0
         row[view_table.PIXEL] = 1.0 / pixels_per_radian(camera)
         if isinstance(camera.projection, Equirectangular):
@@ -134,7 +134,10 @@ class PreparedView:
         return row
 
     def addresses(self, *, measured: bool = False) -> npt.NDArray[np.int64]:  # [4]
-        """Addresses of the codes, completed or as measured, and of the colour planes; all must be C-contiguous."""
+        """Addresses of the codes, completed or as measured, and of the colour planes.
+
+        Raises ValueError if a plane is not C-contiguous uint16, or smaller than 4 x 4 pixels.
+        """
         texture = self.view.texture
         codes = self.view.codes if measured else self.completed.codes
         planes = (codes, texture.y, texture.cb, texture.cr)
@@ -145,8 +148,8 @@ class PreparedView:
         return np.array([address_of(plane) for plane in planes], np.int64)
 
     def level(self, wanted: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-        """The view halved `wanted` times or, where its sizes do not allow that, as often as they do: what
-        `kernels.base.view_table` reads, [TABLE_SIZE] and addresses [5]."""
+        """The view halved `wanted` times, or as often as its size allows, as `kernels.base.view_table` reads it: the
+        row [TABLE_SIZE] and the addresses [5]."""
         with self._lock:
             if not self._levels:
                 texture, codes = self.view.texture, self.completed.codes
@@ -161,7 +164,7 @@ class PreparedView:
 
     @property
     def cuts(self) -> npt.NDArray[np.uint8]:  # [h, w]
-        """Where the view's surface is cut, doubtful depth included (see `depth_cuts`)."""
+        """Where the view's surface is cut (see `depth_cuts`), including doubtful depth."""
         with self._lock:
             if self._cuts is None:
                 self._cuts = depth_cuts(self.view.camera, self.completed.codes, self.options)
@@ -171,9 +174,9 @@ class PreparedView:
 class ViewTable:
     """Views as `kernels.base.view_table` reads them; keeps their arrays alive.
 
-    tones [n, TONE_SIZE]: what is done to the views' colours, packed (`kernels.base.tone`); None: nothing. The first
-    `drawn` come with their completed depth and the cuts of their surfaces, which colours are fetched by; the others
-    with the measured depth.
+    tones [n, TONE_SIZE]: the tone that is applied to each view's colours, packed (`kernels.base.tone`); None: none. The
+    first `drawn` views have their completed depth and the cuts of their surfaces, which the fetching of colours needs;
+    the others have the measured depth.
     """
 
     def __init__(
@@ -189,12 +192,12 @@ class ViewTable:
         self._drawn = drawn
 
     def warm(self, resolution: float | None) -> None:
-        """Make now the reduced views that `at` gives for a resolution (pixels a radian); None: no picture wants any."""
+        """Make now the reduced views that `at` returns for a resolution (pixels per radian); None: none are needed."""
         if resolution is not None:
             self.at(resolution)
 
     def at(self, resolution: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-        """Rows and addresses with the drawn views at the size nearest to a picture's with so many pixels a radian."""
+        """Rows and addresses, with the drawn views reduced for a picture of `resolution` (pixels per radian)."""
         wanted = [level_for(_coarser_axis(view.view.camera) / resolution) for view in self.views[: self._drawn]]
         if not any(wanted):
             return self.rows, self.addresses

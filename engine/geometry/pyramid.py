@@ -1,4 +1,4 @@
-"""The pyramid that push-pull algorithms work on: each level has half the size of the one before."""
+"""The pyramid for push-pull algorithms: each level has half the size of the one before."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scales that follow from the rig and from what it sees; tolerances are derived from them."""
+"""Scales that are measured on the rig and its first frame; tolerances are derived from them."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from .triangulation import TriangulationOptions
 
 __all__ = ["Scene"]
 
-# A step of disparity between neighbours that is a depth edge: four reprojected pixels. In coarse pictures these are a
-# step from the median depth to infinity, and whoever stands before a wall would be tied to it: from there to a third
-# farther is an edge, if it is two pixels, below which what is near and slanted would be torn.
+# A depth edge is a disparity step of _EDGE_PX reprojected pixels between neighbours. In coarse pictures, however, that
+# can be the step from the median depth to infinity, and a person before a wall would be connected with it. There,
+# _EDGE_SHARE of the median disparity (from the median depth to a third farther) is an edge too, but never less than
+# _LEAST_EDGE_PX: smaller steps occur on near, slanted surfaces, which would be torn.
 _EDGE_PX = 4.0
 _LEAST_EDGE_PX = 2.0
 _EDGE_SHARE = 0.25  # of the median disparity
@@ -30,8 +31,8 @@ _EDGE_SHARE = 0.25  # of the median disparity
 class Scene:
     """The scene's origin (metres, world), how far viewers are from the cameras, and typical depths.
 
-    The origin is amid the rig. baseline: the radius of the rig in metres, or the setting `baseline_m`. depths: 10th,
-    50th and 90th percentile of the depths of the first frame, metres. None depends on the world's axes.
+    origin: the middle of the rig. baseline: the radius of the rig in metres, or the setting `baseline_m`. depths: 10th,
+    50th and 90th percentile of the depths of the first frame, metres. None of these depends on the world's axes.
     """
 
     origin: npt.NDArray[np.float64]
@@ -41,7 +42,7 @@ class Scene:
 
     @classmethod
     def of(cls, cameras: Sequence[Camera], settings: Settings, frame: Frame) -> Scene:
-        """Measure a rig and its first frame; raises ValueError where that has no depth at all."""
+        """Measure a rig and its first frame; raises ValueError if the frame has no valid depth."""
         positions = np.array([camera.pose.position for camera in cameras])
         origin = _middle(positions)
         near = min(camera.depth.near for camera in cameras)
@@ -57,24 +58,25 @@ class Scene:
         return cls(origin, baseline, (p10, p50, p90), DepthCoding(near, far, 16, has_invalid=True))
 
     def coding_at(self, position: npt.ArrayLike) -> DepthCoding:
-        """Depth codes that hold what the cameras see as it is seen from another place (metres, world)."""
+        """A depth coding for a camera at `position` (metres, world) that can hold all that the cameras see."""
         away = float(np.linalg.norm(np.asarray(position, np.float64) - self.origin))
         return dataclasses.replace(self.coding, far=self.coding.far + away)
 
     def depths_for(self, viewer: Camera) -> tuple[float, float]:
-        """Lesser and median depth of what a viewer looks at, metres: farther away from behind the rig."""
+        """10th and 50th percentile of the depths for a viewer, metres; they are larger for a viewer behind the rig."""
         behind = self._behind(viewer)
         return self.depths[0] + behind, self.depths[1] + behind
 
     def disparity_shrink(self, viewer: Camera) -> float:
-        """About what a difference of disparities that the cameras measure becomes for a viewer: less from behind them.
+        """The approximate ratio of a disparity difference as a viewer sees it to the same as the cameras see it.
 
-        Disparity is 1 / z: b metres farther away, a difference of d / z^2 is d / (z + b)^2.
+        It is 1, or less for a viewer behind the rig: disparity is 1 / z, so from b metres farther away a difference of
+        d / z^2 becomes d / (z + b)^2.
         """
         return (self.depths[1] / self.depths_for(viewer)[1]) ** 2
 
     def _behind(self, viewer: Camera) -> float:
-        """How far a viewer is behind the rig, metres; 0 in it and before it."""
+        """How far a viewer is behind the rig, metres; 0 inside the rig and in front of it."""
         to_rig = self.origin - viewer.pose.position
         away = float(np.linalg.norm(to_rig)) - self.baseline
         if isinstance(viewer.projection, Perspective):
@@ -82,7 +84,7 @@ class Scene:
         return max(away, 0.0)
 
     def triangulation(self, camera: Camera, settings: Settings) -> TriangulationOptions:
-        """Bounds of a camera's triangulation: pixels of parallax at the baseline, turned into disparity."""
+        """Bounds of a camera's triangulation: the settings' pixels of parallax at the baseline, as disparities."""
         pixel = 1.0 / (self.baseline * pixels_per_radian(camera))
         if settings.edge_px is None:
             edge = min(_EDGE_PX * pixel, max(_EDGE_SHARE / self.depths[1], _LEAST_EDGE_PX * pixel))
@@ -92,15 +94,15 @@ class Scene:
 
 
 def _depths(frame: Frame, stride: int) -> npt.NDArray[np.float64]:  # [n]
-    """The valid depths of every stride-th pixel both ways, metres."""
+    """The valid depths of every stride-th pixel in both directions, metres."""
     depths = np.concatenate([view.camera.depth.depth(view.codes[::stride, ::stride]).ravel() for view in frame.views])
     valid: npt.NDArray[np.float64] = depths[np.isfinite(depths)]
     return valid
 
 
 def _middle(positions: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:  # [n, 3] -> [3]
-    """The geometric median (Weiszfeld 1937): a few cameras far from the others do not move it, and it turns with the
-    rig, as medians of coordinates do not."""
+    """The geometric median (Weiszfeld 1937). A few cameras far from the others do not move it and, unlike medians of
+    coordinates, it turns with the rig."""
     local = positions - positions[0]
     spread, middle = float(np.abs(local).max()), local.mean(axis=0)
     for _ in range(100 if spread > 0 else 0):

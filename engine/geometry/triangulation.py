@@ -24,7 +24,7 @@ __all__ = ["TriangulationOptions", "Triangulator", "depth_cuts", "triangulate"]
 
 _BLOCK = split_kernels.BLOCK
 
-# A coarse code cannot be followed closer than to its own rounding, on both ends of a triangle's side.
+# The error bound is at least this: codes are rounded, at both ends of a triangle's side.
 _ROUNDING_CODES = 1.0
 
 
@@ -32,10 +32,10 @@ _ROUNDING_CODES = 1.0
 class TriangulationOptions:
     """Bounds of a triangulation; disparities in 1/m.
 
-    tolerance: largest distance between a pixel's disparity and its triangle; 0 gives two triangles a quad.
-    edge: disparity step between neighbouring pixels that is a depth edge unless the slope on a side explains it.
+    tolerance: largest distance between a pixel's disparity and its triangle; 0: two triangles per pixel.
+    edge: disparity step between neighbouring pixels that is a depth edge, unless the slope on one side explains it.
     max_block: longest leg of a triangle in pixels, a power of two up to 32.
-    extend_edges: pixels at depth edges keep their full square instead of ending at their centre.
+    extend_edges: pixels at depth edges keep their full square; otherwise the surface ends at their centres.
     """
 
     tolerance: float
@@ -57,7 +57,7 @@ def depth_cuts(
     options: TriangulationOptions,
     keep: npt.NDArray[np.uint8] | None = None,
 ) -> npt.NDArray[np.uint8]:
-    """Flags [h, w] of a view's pixels: where its surface is cut at depth edges, see `kernels.geometry.cuts`."""
+    """Flags [h, w]: where a view's surface is cut (`kernels.geometry.cuts`); arguments and errors of `triangulate`."""
     return _cuts(camera, codes, options, keep, np.ones(_block_grid(camera), np.uint8))
 
 
@@ -73,16 +73,16 @@ def triangulate(
 ) -> Mesh:
     """Triangulate a view's depth codes [h, w].
 
-    With `rims` only what the surface leaves of the squares of pixels at depth edges is made. `cuts` is what
-    `depth_cuts` gives for the same arguments, if it is known.
+    With `rims`, the mesh is only the parts of the squares of pixels at depth edges that the surface does not cover.
+    `cuts` is the result of `depth_cuts` for the same arguments, if known.
 
-    Where `keep` (uint8 [h, w]) is given, only triangles with at least one kept pixel are made (section 3.3.3)
-    and no merged triangle spans kept and other pixels. Points are relative to `origin`, metres. Raises ValueError
-    for arrays of another shape or type, or that are not C-contiguous.
+    With `keep` (uint8 [h, w]), only triangles with at least one kept pixel are made (section 3.3.3), and no merged
+    triangle spans kept and other pixels. Points are relative to `origin`, metres. Raises ValueError for arrays of
+    another shape or type, or that are not C-contiguous.
     """
     blocks = _Blocks(camera)
     made = np.ones_like(blocks.states)
-    if keep is not None and cuts is None:  # what is kept may be little
+    if keep is not None and cuts is None:  # few pixels may be kept: make only their blocks
         _check("keep", keep, (camera.height, camera.width), np.uint8)
         change_kernels.kept_blocks(keep, camera.wraps, made)
         blocks.splits[made == 0] = 0
@@ -90,7 +90,7 @@ def triangulate(
         _check("codes", codes, (camera.height, camera.width), np.uint16)
         _check("cuts", cuts, (camera.height, camera.width), np.uint8)
     flags = _cuts(camera, codes, options, keep, made) if cuts is None else cuts
-    if rims:  # no splits are needed to find them
+    if rims:  # finding rims needs no splits
         split_kernels.find_mixed(flags, blocks.states)
         return _mesh(camera, codes, flags, blocks, made, origin, kernels.RIMS)
     _split(camera, codes, flags, options, made, blocks)
@@ -100,18 +100,18 @@ def triangulate(
 
 
 class Triangulator:
-    """Triangulates the views of one camera, frame after frame, as `triangulate` does: blocks of pixels that have not
-    changed since the last frame, nor their surroundings, are taken over.
+    """Triangulates the views of one camera, frame after frame, with the result of `triangulate`. It reuses blocks of
+    pixels if neither they nor their surroundings have changed since the last frame.
 
     Threads may share it.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._key: tuple[Camera, TriangulationOptions, tuple[float, ...]] | None = None  # what all below belongs to
-        self._codes = np.empty((0, 0), np.uint16)  # the last frame's
+        self._key: tuple[Camera, TriangulationOptions, tuple[float, ...]] | None = None  # of all fields below
+        self._codes = np.empty((0, 0), np.uint16)  # of the last frame
         self._flags = np.empty((0, 0), np.uint8)
-        self._wanted: _Blocks  # splits that each block wants by itself
+        self._wanted: _Blocks  # splits that each block needs by itself, before neighbours are joined
         self._blocks: _Blocks
         self._mesh: Mesh
 
@@ -122,7 +122,7 @@ class Triangulator:
         options: TriangulationOptions,
         origin: npt.ArrayLike = (0.0, 0.0, 0.0),
     ) -> tuple[Mesh, npt.NDArray[np.uint8]]:
-        """The mesh of depth codes [h, w], and their flags [h, w] (see `depth_cuts`); neither is changed later on.
+        """The mesh of depth codes [h, w], and their flags [h, w] (see `depth_cuts`); later calls change neither.
 
         Raises ValueError for codes of another shape or type, or that are not C-contiguous.
         """
@@ -157,7 +157,7 @@ class Triangulator:
     def _changes(
         self, camera: Camera, codes: npt.NDArray[np.uint16], known: bool
     ) -> npt.NDArray[np.uint8]:  # [rows, columns]
-        """Which blocks have changed since the last frame, which this one is from now on."""
+        """Which blocks have changed since the last frame; keeps this frame as the last one."""
         changed = np.ones_like(self._wanted.states)
         h, w, wraps = camera.height, camera.width, camera.wraps
         if not known:
@@ -165,7 +165,7 @@ class Triangulator:
             return changed
         tiles = np.empty((math.ceil(h / _BLOCK), 3, math.ceil(w / _BLOCK)), np.uint8)
         change_kernels.note_changes(codes, self._codes, tiles)
-        if not (wraps and 0 < w % _BLOCK < 3):  # there a block's surroundings lie beyond its neighbours
+        if not (wraps and 0 < w % _BLOCK < 3):  # else a block's surroundings reach beyond its neighbours
             change_kernels.changed_blocks(tiles, wraps, changed)
         return changed
 
@@ -176,7 +176,7 @@ def _block_grid(camera: Camera) -> tuple[int, int]:
 
 
 class _Blocks:
-    """Splits [rows, columns, WORDS] of a view's blocks and what is known of their pixels [rows, columns]."""
+    """Splits [rows, columns, WORDS] of a view's blocks, and the blocks' states [rows, columns]."""
 
     def __init__(self, camera: Camera, like: _Blocks | None = None) -> None:
         rows, columns = _block_grid(camera)
@@ -193,7 +193,7 @@ def _cuts(
     keep: npt.NDArray[np.uint8] | None,
     made: npt.NDArray[np.uint8],
 ) -> npt.NDArray[np.uint8]:  # [h, w]
-    """Flags of the pixels of some blocks and of those round them; anything elsewhere."""
+    """Flags of the pixels of the blocks with made != 0, and of the pixels round them; undefined elsewhere."""
     shape = camera.height, camera.width
     _check("codes", codes, shape, np.uint16)
     if keep is not None:
@@ -225,8 +225,8 @@ def _split(
     changed: npt.NDArray[np.uint8],
     blocks: _Blocks,
 ) -> None:
-    """Find what changed blocks want by themselves."""
-    # Of twice the distances, which are whole; those of a code from any other are below 65535.
+    """Find the splits that changed blocks need by themselves."""
+    # The bound is for twice the distances, which are whole numbers; the distance of two codes is below 65535.
     tolerance = math.floor(min(2 * max(options.tolerance / camera.depth.step, _ROUNDING_CODES), 65534))
     largest = options.max_block if options.tolerance > 0 else 1
     split_kernels.split_blocks(
@@ -249,7 +249,7 @@ def _mesh(
     parts: int,
     before: Mesh | None = None,
 ) -> Mesh:
-    """Make some blocks' triangles; the others are as they were before."""
+    """Make the triangles of the blocks with remade != 0; the others are copied from `before`."""
     states = blocks.states
     if before is None:
         nothing = np.empty((0, 3), np.float32), np.empty((0, 2), np.float32), np.empty((0, 3), np.int32)
@@ -278,7 +278,7 @@ def _tiling(h: int, w: int) -> tuple[int, int]:
 
 
 def _rays(camera: Camera, origin: npt.ArrayLike) -> Rays:
-    """Directions of half pixels, with the camera relative to the origin."""
+    """Directions at every half pixel, and the packed camera relative to the origin."""
     packed = camera.packed(origin)
     u, v = 0.5 * np.arange(2 * camera.width + 1) + 0.5, 0.5 * np.arange(2 * camera.height - 1) + 0.5
     if isinstance(camera.projection, Perspective):
