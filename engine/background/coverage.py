@@ -57,8 +57,8 @@ class Coverage:
         self._added: list[_Added] = []
 
     def keep_farther(self, view: View, edge: float) -> npt.NDArray[np.uint8]:  # [h, w]
-        """Adds a view; 1 where it shows a surface to be kept: no earlier view shows that surface, or one at about the
-        same distance or farther, at its place. (The paper tests the three corners of a triangle, this tests each pixel.)
+        """Adds a view; 1 where it shows a surface to be kept: at that place, no earlier view shows the same surface, or
+        one about as far or farther. (The paper tests the three corners of a triangle, this tests each pixel.)
 
         `edge`: the disparity step between neighbouring pixels that is a depth edge, 1/m.
         """

@@ -1,4 +1,4 @@
-"""Probable background images (section 3.4.1): the imaginary camera that they are seen by, and their rendering."""
+"""Probable background images (section 3.4.1): their imaginary camera, and their rendering."""
 
 from __future__ import annotations
 
@@ -22,27 +22,28 @@ from .pbs import ProbableBackgroundSurface
 
 __all__ = ["MARGIN_RAD", "BackgroundImage", "enlarged", "imaginary_camera", "render_pbi", "uncovered_cells"]
 
-MARGIN_RAD = math.radians(3.0)  # what a head turns by until the next PBI: 90 degrees a second at 30 Hz
+MARGIN_RAD = math.radians(3.0)  # a head's turn until the next PBI: 90 degrees per second at 30 Hz
 _WIDEST = math.tan(math.radians(80.0))  # a frustum is not widened beyond this
-_NARROWEST = 0.1  # tangent below which a side does not decide how far behind the head the camera stands
+_NARROWEST = 0.1  # least tangent of a side that counts for the distance of the camera behind the head
 
 
 @dataclass(frozen=True, slots=True)
 class BackgroundImage:
-    """The background model seen from an imaginary camera: a view like any other, depth code 0 where it has holes."""
+    """The background model seen from an imaginary camera: a view like any other, with depth code 0 in holes."""
 
     view: View
-    rays: int  # that it took
+    rays: int  # cast for it
 
 
 def imaginary_camera(
     view: StereoView, head_speed_m_s: float, f_vin: float, depth: DepthCoding, scale: float = 1.0,
     margin_rad: float = MARGIN_RAD,
 ) -> Camera:  # fmt: skip
-    """The camera just behind a head whose frustum holds both eyes' until the next video frame.
+    """The camera just behind a head, whose frustum contains the frusta of both eyes until the next video frame.
 
-    `head_speed_m_s` and `f_vin` (frames a second) say how far the head may get until then; `scale` is PBI pixels
-    for each pixel of an eye, `margin_rad` what it sees beyond the frusta on each side, which may be asymmetric.
+    `head_speed_m_s` and `f_vin` (frames per second) give the distance that the head may move until then. `scale`: PBI
+    pixels for each pixel of an eye; `margin_rad`: how far it sees beyond the frusta (which may be asymmetric) on each
+    side. Raises ValueError for a negative speed, or an f_vin or scale that is not positive.
     """
     if not (head_speed_m_s >= 0 and f_vin > 0 and scale > 0):
         raise ValueError(
@@ -51,7 +52,8 @@ def imaginary_camera(
     sides = [max(pair) for pair in zip(_tangents(view.left), _tangents(view.right), strict=True)]
     left, right, top, bottom = (_widened(side, margin_rad) for side in sides)
     travel = head_speed_m_s / f_vin
-    # Seen from b behind the head, a side of tangent t is t * b away at the eyes: it has to hold them there.
+    # From b metres behind the head, a side with tangent t is t * b metres from the axis at the eyes' depth, and the
+    # eyes must be inside of it there.
     across = 0.5 * view.ipd + travel
     behind = travel + max(across / max(min(left, right), _NARROWEST), travel / max(min(top, bottom), _NARROWEST))
     fx = scale * max(abs(view.left.fx), abs(view.right.fx))
@@ -61,7 +63,10 @@ def imaginary_camera(
 
 
 def enlarged(camera: Camera, depth: DepthCoding, scale: float = 1.0, margin_rad: float = MARGIN_RAD) -> Camera:
-    """A camera at the same place that sees a little more on all sides (perspective or equirectangular)."""
+    """A camera at the same place that sees `margin_rad` more on all sides (perspective or equirectangular).
+
+    `depth`: its depth coding; `scale`: its pixels for each of the given camera's.
+    """
     projection = camera.projection
     wide: Perspective | Equirectangular
     if isinstance(projection, Perspective):
@@ -75,8 +80,8 @@ def enlarged(camera: Camera, depth: DepthCoding, scale: float = 1.0, margin_rad:
 def uncovered_cells(
     camera: Camera, views: Sequence[PreparedView], reach_m: float, origin: npt.ArrayLike
 ) -> npt.NDArray[np.uint8]:  # [ceil(h / CELL), ceil(w / CELL)]
-    """Which cells of an imaginary camera's picture eyes up to `reach_m` metres away from it may see past the views that
-    are drawn: 1, the others 0. Only there a PBI is of use."""
+    """Cells of an imaginary camera's picture in which the drawn views may leave holes for eyes up to `reach_m` metres
+    away from that camera: 1, the others 0. A PBI is of use only there. `origin`: the scene's, metres in the world."""
     wanted = np.empty([math.ceil(size / CELL) for size in (camera.height, camera.width)], np.uint8)
     table = ViewTable(views, drawn=len(views))
     mark_uncovered(table.rows, table.addresses, camera.packed(origin), reach_m, wanted)
@@ -87,12 +92,12 @@ def render_pbi(
     pbs: ProbableBackgroundSurface, captures: Captures, camera: Camera, origin: npt.ArrayLike, present: Present,
     delta: Delta, *, sparse: bool = True, wanted: npt.NDArray[np.uint8] | None = None,
 ) -> BackgroundImage:  # fmt: skip
-    """The PBS as a camera sees it, in the colours of the captures that it stems from; code 0 where it has holes.
+    """The PBS as a camera sees it, with the colours of its surfaces' captures; code 0 where it has holes.
 
-    Shown is the farthest surface, or the nearest that stands (see `capture.Present`). origin: the scene's, metres in
-    the world. `sparse`: between every second pixel rays are cast only where these do not see one plane; else
-    everywhere. `wanted` (`uncovered_cells`): only there; all else is left as holes. Raises ValueError where the
-    camera's depth coding has no invalid code.
+    It shows the farthest surface, or the nearest that stands (see `capture.Present`). origin: the scene's, metres in
+    the world. `sparse`: rays are cast through every second pixel, and through the pixels between only where those rays
+    do not meet one plane; otherwise rays are cast through every pixel. `wanted` (`uncovered_cells`): cells to render,
+    the rest stays a hole; None: all. Raises ValueError if the camera's depth coding has no invalid code.
     """
     if not camera.depth.has_invalid:
         raise ValueError(f"camera {camera.name}: depth coding {camera.depth}: expected one with invalid codes")
@@ -139,4 +144,4 @@ def _frustum(fx: float, fy: float, left: float, right: float, top: float, bottom
 
 
 def _even(size: float) -> int:
-    return max(4, 2 * math.ceil(size / 2))  # what views have at least
+    return max(4, 2 * math.ceil(size / 2))  # a view has at least 4 x 4 pixels

@@ -15,17 +15,17 @@ from .surface import Surface
 
 __all__ = ["ProbableBackgroundSurface", "Surface"]
 
-# Where at least this share of a surface's triangles is valid, rays lose less time by passing through the others than it
-# takes to build its hierarchy without them.
+# A surface of which at least this share of triangles is valid is not compacted: rays lose less time by passing through
+# the invalid ones than a new hierarchy takes to build.
 _DENSE = 0.9
 
 
 class ProbableBackgroundSurface:
-    """S-PBS and P-PBS, per capture at most one surface in each; each surface is a geometry of the ray tracer.
+    """S-PBS and P-PBS, each with at most one surface per capture; each surface is a geometry of the ray tracer.
 
-    The S-PBS' triangles are only ever flagged as invalid, or moved as noise is averaged away; a capture's surface in
-    the P-PBS is replaced whole. `lock` is held while surfaces are replaced, and by who flags or lists them: any thread
-    may list them.
+    Triangles of the S-PBS are only flagged as invalid (and compacted after the first frame), or moved as noise is
+    averaged away; a capture's surface in the P-PBS is replaced as a whole. Hold `lock` to replace, flag or list
+    surfaces; any thread may list them. tracer: None: Embree.
     """
 
     def __init__(self, camera_count: int, tracer: RayTracer | None = None) -> None:
@@ -38,7 +38,7 @@ class ProbableBackgroundSurface:
         self._camera_count = camera_count
 
     def set_static(self, capture: int, camera: int, mesh: Mesh) -> Surface:
-        """A capture's part of the S-PBS, without marks."""
+        """Sets a capture's part of the S-PBS, without marks."""
         return self.put(Surface.new(mesh, self.words, camera, capture), static=True)
 
     def set_progressive(self, capture: int, camera: int, mesh: Mesh) -> Surface:
@@ -46,7 +46,7 @@ class ProbableBackgroundSurface:
         return self.put(Surface.new(mesh, self.words, camera, capture), static=False)
 
     def put(self, surface: Surface, *, static: bool) -> Surface:
-        """A surface with its marks, in the place of its capture's in that part."""
+        """Sets a surface with its marks as its capture's surface in the S-PBS (`static`) or the P-PBS."""
         with self.lock:
             self.tracer.set(self._geometry(surface.capture, static), surface)
             (self.static if static else self.progressive)[surface.capture] = surface
@@ -54,7 +54,7 @@ class ProbableBackgroundSurface:
         return surface
 
     def move(self, capture: int, moved: Callable[[Mesh], F32]) -> None:
-        """Puts the points [n, 3] of a capture's surfaces elsewhere; what is invalid or marked stays so."""
+        """Moves the points of a capture's surfaces to `moved(mesh)` [n, 3]; flags and marks stay."""
         with self.lock:
             for static, part in ((True, self.static), (False, self.progressive)):
                 if capture in part:
@@ -63,7 +63,7 @@ class ProbableBackgroundSurface:
                     self.put(dataclasses.replace(old, mesh=mesh), static=static)
 
     def compact_static(self) -> None:
-        """Drops the invalid triangles of the S-PBS where they are many; marks stay. Counts after `commit`."""
+        """Drops the invalid triangles of surfaces of the S-PBS with many of them; marks stay. Needs `commit` after."""
         with self.lock:
             for capture, surface in list(self.static.items()):
                 valid = surface.invalid == 0
@@ -73,7 +73,7 @@ class ProbableBackgroundSurface:
                 compact.marks[:] = surface.marks[valid]
 
     def commit(self) -> None:
-        """Makes changes of geometry count."""
+        """Makes changes of geometry take effect for rays."""
         self.tracer.commit()
 
     def surfaces(self) -> Iterator[Surface]:
@@ -98,7 +98,7 @@ class ProbableBackgroundSurface:
             return sum(surface.memory for surface in list(self.surfaces()))
 
     def _geometry(self, capture: int, static: bool) -> int:
-        """The ray tracer's number of a surface: first the P-PBS of each camera's first capture, then their S-PBS."""
+        """A surface's number in the ray tracer: first the P-PBS of each camera's first capture, then the S-PBS."""
         count = self._camera_count
         later = capture // count * 2 * count  # captures after the first of each camera
         return later + capture % count + (count if static else 0)

@@ -1,7 +1,7 @@
-"""What the background model asks of a ray tracer, in whole operations; and Embree behind them.
+"""The ray tracer's operations for the background model, and their implementation with Embree.
 
-The operations are coarse, so that a tracer can do each in one go where its geometry lies: the default runs compiled
-kernels that call Embree; one on a GPU would run programs there.
+The operations are coarse, so that a tracer can do each of them at once where its geometry is: the default runs compiled
+kernels that call Embree; a tracer on a GPU would run its programs there.
 """
 
 from __future__ import annotations
@@ -40,49 +40,51 @@ _RUN = 64  # neighbouring triangles that begin with the same camera
 class RayTracer(Protocol):
     """The surfaces of the PBS, and the rays that are cast at them.
 
-    Surfaces are shared, not copied: a triangle is not there while its `invalid` is not 0, and marks are written to.
-    Other changes of geometry count after `commit`. Cameras are packed and relative to the scene origin; delta: see
-    `kernels.base.tolerance`. Operations return how many rays they cast.
+    Surfaces are shared, not copied: rays ignore a triangle while its `invalid` is not 0, and operations write to the
+    surfaces' marks. Other changes of geometry take effect with `commit`. Cameras are packed, float64 [CAMERA_SIZE], and
+    relative to the scene origin; delta: see `kernels.base.tolerance`. Operations return the number of rays cast, unless
+    they say otherwise.
     """
 
     @property
     def memory(self) -> int:
-        """Bytes of its own: what it keeps besides the arrays of the surfaces."""
+        """Bytes that the tracer keeps besides the arrays of the surfaces."""
 
     def set(self, geometry: int, surface: Surface) -> None:
-        """Puts a surface under a number, in the place of the one that was there."""
+        """Puts a surface under a number and removes the one that was there."""
 
     def commit(self) -> None:
-        """Makes changes of geometry count."""
+        """Makes changes of geometry take effect."""
 
     def mark_by_pixel(self, camera: int, packed: F64, stride: int, delta: Delta) -> int:
-        """Foreground culling's rays, two for every stride-th pixel both ways, each with its complementary ray (section
-        3.3.2, Fig. 6a): sets a camera's bit in the marks of what they find."""
+        """Casts the rays of foreground culling: two for every stride-th pixel in both directions, each with its
+        complementary ray (section 3.3.2, Fig. 6a). Sets the camera's bit in the marks of the triangles that they find.
+        """
 
     def mark_by_triangle(
         self, cameras: F64, order: I64, surface: Surface, triangles: I64, delta: Delta, *, share: bool
     ) -> int:
-        """Sets in the marks of triangles (numbers [n]) the bit of the first of the cameras, in the given order, behind
-        one of whose sample points nothing lies by more than delta / 2, as that camera sees it. With `share` the cameras
-        start on other triangles each."""
+        """Marks triangles (numbers [n]) of a surface by the first camera, in the given order, that finds each of them
+        to be background: from that camera, nothing lies more than delta / 2 behind one of the triangle's sample points.
+        With `share`, each camera is the first one for a different part of the triangles."""
 
     def filter_pixels(
         self, capture: Capture, delta: Delta, neighbours: int, blocks: I64, size: tuple[int, int]
     ) -> I64:
-        """The triangle filter (section 3.3.3, Fig. 6b) on blocks [n, 2] of a capture's maximum depth image, of `size`
-        rows and columns; what passes needs `neighbours` that do as well. Returns [n, COUNTS_SIZE], see
-        `kernels.background.triangle_filter`."""
+        """The triangle filter (section 3.3.3, Fig. 6b) on blocks [n, 2], of `size` rows and columns, of a capture's
+        maximum depth image. A pixel passes only if at least `neighbours` of its neighbours are kept or pass as well.
+        Returns counts [n, COUNTS_SIZE], see `kernels.background.triangle_filter`."""
 
     def mark_seen(
         self, eyes: F64, surface: Surface, present: Present, delta: Delta, wraps: bool, cells: U8, seen: U8
     ) -> int:
-        """Sets seen [m] to 1 for valid triangles of which one of some eyes [n, CAMERA_SIZE] is shown a sample point,
-        unless they touch a cell that is set (`kernels.background.hidden`)."""
+        """Sets seen [m] to 1 for valid triangles of which one of the eyes [n, CAMERA_SIZE] sees a sample point, except
+        for triangles that touch a cell that is set (`kernels.background.hidden`)."""
 
     def render_pbi(
         self, view: View, packed: F64, captures: Captures, present: Present, delta: Delta, *, sparse: bool, wanted: U8
     ) -> int:
-        """Fills a view with the background that its camera is shown (section 3.4.1; `kernels.background.pbi`)."""
+        """Fills a view with the background as its camera sees it (section 3.4.1; `kernels.background.pbi`)."""
 
 
 class EmbreeTracer:
@@ -90,7 +92,7 @@ class EmbreeTracer:
 
     def __init__(self) -> None:
         self._scene = RayScene()
-        # Tables that kernels read (`kernels.background.surfaces`), a row a geometry.
+        # Tables that kernels read (`kernels.background.surfaces`), one row per geometry.
         self._surfaces = np.zeros((0, SURFACE_SIZE), np.int64)
         self._marks = np.zeros((0, MARKS_SIZE), np.int64)
         self.packed = Tracer(intersect_address(), occluded_address(), self._scene.address, np.zeros((2, 3)))
@@ -116,7 +118,7 @@ class EmbreeTracer:
         """See `RayTracer`."""
         self._scene.commit()
         bounds = self._scene.bounds()
-        # Rays start on the bounds: a little room keeps them from starting on, or behind, a surface.
+        # Rays start on the bounds. With a little room, none starts on a surface or behind it.
         room = 1e-3 * max(float(np.max(bounds[1] - bounds[0])), 1e-3)
         self.packed = self.packed._replace(bounds=bounds + np.array([[-room], [room]]))
 

@@ -17,10 +17,13 @@ __all__ = ["Reconstruction"]
 
 
 class Reconstruction:
-    """Makes the triangles of the PBS. options: bounds of each reference camera's triangulation; origin: the scene's,
-    metres in the world, that points are relative to; space: where heads stay, None: anywhere; rims: pixels keep their
-    squares at depth edges, where a gap of a pixel between someone and the wall would be a hole in the background, and
-    let rays through to what is behind."""
+    """Makes the triangles of the PBS.
+
+    options: bounds of each reference camera's triangulation; origin: the scene's, metres in the world, to which points
+    are relative; space: where heads stay, None: anywhere; rims: pixels at depth edges keep their full squares.
+    Otherwise a gap of one pixel between a person and the wall would be a hole in the background, through which rays
+    reach the surfaces behind it.
+    """
 
     def __init__(
         self, options: Sequence[TriangulationOptions], origin: F64, space: ViewingSpace | None, *, rims: bool = True
@@ -28,8 +31,8 @@ class Reconstruction:
         self.options, self._origin, self._space, self._rims = tuple(options), origin, space, rims
 
     def triangles(self, index: int, camera: Camera, codes: U16, keep: U8) -> Mesh:
-        """The mesh of those of a reference camera's pixels whose keep [h, w] is not 0, without what nobody in the
-        viewing space can see."""
+        """The mesh of the pixels of reference camera `index` with keep [h, w] != 0, without the triangles that face
+        away from the whole viewing space."""
         options = dataclasses.replace(self.options[index], extend_edges=self._rims)
         mesh = triangulate(camera, codes, options, origin=self._origin, keep=keep)
         return mesh if self._space is None else self._space.seen(mesh)
@@ -40,5 +43,5 @@ class Reconstruction:
         return ViewTable([PreparedView(view, options, self._origin) for view, options in prepared])
 
     def tolerance(self, cameras: Sequence[Camera]) -> float:
-        """How far triangles may be from the depth that was seen, as disparity, 1/m."""
+        """The largest error of the triangles' depth, as disparity, 1/m."""
         return max(max(o.tolerance, c.depth.step) for o, c in zip(self.options, cameras, strict=True))

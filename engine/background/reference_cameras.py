@@ -1,4 +1,4 @@
-"""The rig's reference cameras: where they stand, which have moved, and whose turn it is (sections 3.3.3 and 4.2)."""
+"""The rig's reference cameras: their poses, which of them have moved, and whose turn it is (sections 3.3.3 and 4.2)."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ __all__ = ["ReferenceCameras"]
 
 
 class ReferenceCameras:
-    """Cameras as they stood when their current captures began; packed float64 [n, CAMERA_SIZE], relative to `origin`
-    (metres, world), the same array for life."""
+    """Cameras in the poses in which their current captures began; packed float64 [n, CAMERA_SIZE], relative to `origin`
+    (metres, world), is the same array for life."""
 
     def __init__(self, cameras: Sequence[Camera], origin: F64) -> None:
         self.cameras = tuple(cameras)
@@ -30,12 +30,12 @@ class ReferenceCameras:
         return len(self.cameras)
 
     def place(self, cameras: Sequence[Camera]) -> None:
-        """All stand as they do now."""
+        """Sets the poses of all cameras."""
         self.cameras = tuple(cameras)
         self.packed[:] = [camera.packed(self._origin) for camera in self.cameras]
 
     def place_one(self, index: int, camera: Camera) -> None:
-        """One stands elsewhere, and no longer counts as moved."""
+        """Sets one camera to its new pose; it no longer counts as moved."""
         self.cameras = (*self.cameras[:index], camera, *self.cameras[index + 1 :])
         self.packed[index] = camera.packed(self._origin)
         self.moved.discard(index)
@@ -45,17 +45,17 @@ class ReferenceCameras:
         return [c for c in range(len(self.cameras)) if c not in self.moved]
 
     def fixed_in(self, frame: Frame) -> list[int]:
-        """Those of them that do not stand elsewhere in a frame either."""
+        """The cameras that have not moved before, nor in this frame."""
         return [c for c in self.fixed() if frame.views[c].camera.pose == self.cameras[c].pose]
 
     def note_moved(self, frame: Frame) -> set[int]:
-        """The cameras that have moved with this frame, and not before."""
+        """Notes and returns the cameras that have moved in this frame and not before."""
         moved = set(self.fixed()) - set(self.fixed_in(frame))
         self.moved |= moved
         return moved
 
     def next_group(self, n_update: int) -> list[int]:
-        """The cameras whose turn it is (n_rv^update of them), each once a round."""
+        """The cameras whose turn it is (n_rv^update of them); each has one turn per round."""
         count = len(self.cameras)
         ahead = [c for k in range(count) if (c := (self.next + k) % count) not in self.moved]
         group = ahead[:n_update]
@@ -64,7 +64,7 @@ class ReferenceCameras:
         return group
 
     def check(self, frame: Frame) -> None:
-        """Raises ValueError where a frame is not of these cameras; their poses may be others."""
+        """Raises ValueError if a frame is of other cameras; poses may differ."""
         names = tuple(view.camera.name for view in frame.views)
         if names != tuple(camera.name for camera in self.cameras):
             raise ValueError(f"frame {frame.index}: views {names}: expected one of each camera, in order")

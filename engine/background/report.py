@@ -1,4 +1,4 @@
-"""What one frame did to the background model."""
+"""The report on a frame's update of the background model."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ __all__ = ["UpdateReport"]
 
 @dataclass(slots=True)
 class UpdateReport:
-    """What one frame did to the model. Pixels: updated, candidates, accepted; triangles: culled, hidden (from
-    the viewing space), s_pbs, p_pbs."""
+    """One frame's update of the model. Numbers of pixels: updated, candidates, accepted; numbers of triangles: culled,
+    hidden (from the viewing space), s_pbs, s_pbs_valid, p_pbs."""
 
     frame_index: int
     group: tuple[str, ...]  # reference cameras whose part of the P-PBS had its turn

@@ -15,7 +15,7 @@ __all__ = ["put_back", "settings_of", "state_of"]
 
 
 def state_of(model: ModelParts) -> ModelState:
-    """All that a model is, as copies; between two updates, by the thread that updates."""
+    """The whole state of a model, as copies; called between two updates by the thread that updates."""
     pbs, rig, followed = model._pbs, model._rig, model._tolerances
     static, progressive = pbs.static.values(), pbs.progressive.values()
     return ModelState(
@@ -43,13 +43,12 @@ def state_of(model: ModelParts) -> ModelState:
 
 
 def settings_of(state: ModelState) -> Settings:
-    """The settings that a model with this state has."""
+    """The settings of a model with this state."""
     return Settings(**dict(state.settings))  # type: ignore[arg-type]
 
 
 def put_back(model: ModelParts, state: ModelState) -> None:
-    """Makes a model that has taken no frame yet, of the same cameras, settings and scene, the one that had this state.
-    """
+    """Puts a state into a model that has taken no frame yet and has the same cameras, settings and scene."""
     pbs, rig, followed = model._pbs, model._rig, model._tolerances
     rig.place([camera.camera() for camera in state.cameras])
     rig.moved, rig.next, model._waited = set(state.moved), state.next, state.waited

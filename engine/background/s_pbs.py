@@ -1,7 +1,7 @@
 """Initialisation of the PBS: the S-PBS, from the views of the first frame (section 3.3.2).
 
-Coverage selection says which views take part, and the farther-only test which of their pixels (`coverage`); these
-become triangles (`reconstruction`). Foreground culling comes after (`culling`).
+Coverage selection chooses the views, and the farther-only test their pixels (`coverage`). These pixels become triangles
+(`reconstruction`). Foreground culling follows (`culling`).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ def gather_triangles(
     pbs: ProbableBackgroundSurface, captures: Captures, views: Sequence[View], reconstruction: Reconstruction,
     n_init: int, delta: Delta, origin: F64,
 ) -> list[int]:  # fmt: skip
-    """Puts into the S-PBS the triangles of up to n_init (n_rv^init) views that overlap little, of each view only what
-    no view before shows; returns which. captures: those of the same views; origin: the scene's, metres. Counts after
-    `pbs.commit`."""
+    """Puts into the S-PBS the triangles of up to n_init (n_rv^init) views that overlap little: of each view only the
+    surfaces that no earlier one shows. Returns the views' indices. captures: of the same views; origin: the scene's,
+    metres in the world. Needs `pbs.commit` after."""
     coverage = Coverage(delta, origin)
     chosen = choose_views(views, n_init)
     for c in chosen:

@@ -1,8 +1,7 @@
 """A background model's state: arrays, numbers, strings and tuples of them, from which a model continues bit for bit.
 
-Everything is in it that the model needs: nothing else of it outlives a frame. It needs no state of `Exposure`: how
-views' colours are brought to the model's tone is an argument of `BackgroundModel.update`, and whoever follows the
-exposure (the engine's back end) owns it.
+It holds everything of a model that outlives a frame. `Exposure` is not part of it: the tones of the views are an
+argument of `BackgroundModel.update`, and the owner of `Exposure` (the engine's back end) keeps its state.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ Scalar = int | float | str | bool | tuple[float, ...] | None
 
 @dataclass(frozen=True, slots=True)
 class CameraState:
-    """A reference camera: its projection's name and numbers in the order of its fields, pose, and coding."""
+    """A reference camera: its projection's class name, the projection's fields in order (lens), pose, and coding."""
 
     name: str
     projection: str
@@ -48,7 +47,7 @@ class CameraState:
         )  # fmt: skip
 
     def camera(self) -> Camera:
-        """The camera itself; raises ValueError for a projection that is not known."""
+        """The camera itself; raises ValueError for an unknown projection."""
         known: dict[str, Any] = {"Perspective": Perspective, "Equirectangular": Equirectangular}
         if self.projection not in known:
             raise ValueError(f"projection: {self.projection!r}: expected one of {', '.join(known)}")
@@ -58,7 +57,7 @@ class CameraState:
 
 @dataclass(frozen=True, slots=True)
 class SceneState:
-    """What `SceneScale` has measured: origin float64 [3], metres in the world; baseline; depths; depth coding."""
+    """The fields of `scene_scale.Scene`: origin float64 [3], metres in the world; baseline; depths; depth coding."""
 
     origin: F64
     baseline: float
@@ -77,9 +76,9 @@ class SceneState:
 
 @dataclass(frozen=True, slots=True)
 class CaptureState:
-    """A capture (`capture.Capture`): index of its reference camera, that camera as it stood, and its maximum depth
-    image (`maximum_depth.MaximumDepthImage`): planes and flags [h, w], chroma [(h + 1) // 2, (w + 1) // 2]; by block,
-    where updates wait, and how many there were; counters; and what it compares by."""
+    """A capture (`capture.Capture`): index of its reference camera, that camera in its pose, and its maximum depth
+    image (`maximum_depth.MaximumDepthImage`): planes and flags [h, w], chroma [(h + 1) // 2, (w + 1) // 2]; per block,
+    whether updates wait, and the numbers of updates; counters; and the rules of comparison."""
 
     index: int
     camera: CameraState
@@ -130,13 +129,13 @@ class SurfaceState:
 
 @dataclass(frozen=True, slots=True)
 class ModelState:
-    """All that a background model is (`BackgroundModel.state`, `BackgroundModel.from_state`). It owns its arrays.
+    """The state of a background model (`BackgroundModel.state`, `BackgroundModel.from_state`). It owns its arrays.
 
-    current: number of each reference camera's current capture. surfaces: in the order of the model. tolerances: those
-    of `tolerances.Tolerances` by name. first: samples of each camera's first disparities, 1/m. frames: how many came
-    after the first; rounds: of fusion, by camera; moved, next, waited: see `reference_cameras`, `model`. geometry: the
-    PBS' version; cast: that of each camera's last culling rays; changed float32 [n, rows, columns]: see
-    `changed_directions`.
+    current: number of each reference camera's current capture. surfaces: in the order of the model. tolerances: the
+    fields of `tolerances.Tolerances` by name. first: samples of each camera's disparities in the first frame, 1/m.
+    frames: number of frames after the first; rounds: of fusion, by camera; moved, next, waited: see
+    `reference_cameras`, `parts`. geometry: the PBS' version; cast: the PBS' version at each camera's last culling rays;
+    changed float32 [n, rows, columns]: see `changed_directions`.
     """
 
     version: int
@@ -158,7 +157,7 @@ class ModelState:
     changed: F32
 
     def check(self) -> None:
-        """Raises ValueError where it is of another version."""
+        """Raises ValueError for a state of another version."""
         if self.version != VERSION:
             raise ValueError(f"model state: version {self.version!r}: expected {VERSION}")
 

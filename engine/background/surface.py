@@ -1,4 +1,4 @@
-"""A capture's triangles in one of the two parts of the PBS."""
+"""A surface: the triangles of a capture in one of the two parts of the PBS."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ __all__ = ["Surface"]
 class Surface:
     """A capture's triangles in the S-PBS or in the P-PBS.
 
-    marks uint64 [m, words]: bit c of a triangle's words is set where reference camera c's last rays found it to be
-    background (the paper's "valid"). invalid uint8 [m]: no camera did; rays pass through. camera: the index of the
-    reference camera; capture: the number of the capture (`capture.Capture`) that the triangles stem from.
+    marks uint64 [m, words]: bit c of a triangle's words is set if the last rays of reference camera c found it to be
+    background (the paper's "valid"). invalid uint8 [m]: 1 if no camera found it; rays pass through. camera: index of
+    the reference camera; capture: number of the capture (`capture.Capture`) that the triangles stem from.
     """
 
     mesh: Mesh
@@ -30,7 +30,7 @@ class Surface:
 
     @classmethod
     def new(cls, mesh: Mesh, words: int, camera: int, capture: int) -> Surface:
-        """Triangles without marks, all of them there."""
+        """A surface without marks, with all triangles valid."""
         count = len(mesh.triangles)
         mesh = Mesh(
             np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.uv), np.ascontiguousarray(mesh.triangles)
@@ -44,11 +44,11 @@ class Surface:
 
     @property
     def valid_count(self) -> int:
-        """Triangles that are there."""
+        """The number of valid triangles."""
         return len(self.invalid) - int(np.count_nonzero(self.invalid))
 
     @property
     def memory(self) -> int:
-        """Bytes of its arrays, the ray tracer's own not among them."""
+        """Bytes of its arrays, without the ray tracer's own."""
         mesh = self.mesh
         return sum(a.nbytes for a in (mesh.points, mesh.uv, mesh.triangles, self.marks, self.invalid))

@@ -1,4 +1,4 @@
-"""Lengths that the background model compares with; they follow from the scene."""
+"""Tolerances with which the background model compares surfaces; they are derived from the scene."""
 
 from __future__ import annotations
 
@@ -21,34 +21,37 @@ from ..support.array_types import F64, U16
 __all__ = ["FollowedTolerances", "Tolerances", "sampled_disparity", "scene_tolerances", "with_noise"]
 
 
-# Two surfaces closer than this share of the typical depth are taken as one: calibration and estimation of depth are off
-# by less. 0.2 m (the paper) at 10 m.
+# delta as a share of the typical depth: two surfaces closer than this count as one. Calibration and estimation of depth
+# have smaller errors. At 10 m it is the paper's 0.2 m.
 _DELTA_SHARE = 0.02
-# Depth that is coded in steps of s is off by up to s / 2 on each of two surfaces; twice that is kept clear of. It is an
-# error of disparity: where depths reach from people to hills, one length for all would cull nobody, or the hills.
+# delta in steps s of the depth codes. Codes are off by up to s / 2 on each of two surfaces, together by s; the rest is
+# safety. This is an error of disparity: if depths reach from people to hills, a single length would be too large to
+# cull the people, or so small that it would cull the hills.
 _DELTA_STEPS = 4.0
-# A maximum depth image follows changes much finer than delta: where someone's feet leave the floor, the rim that is
-# less than delta above it has to take on the floor's colour. The rounding of codes must not look like a change:
-# two whole steps at least.
+# The nontrivial amount of a maximum depth image, as a share of delta. It is much smaller than delta: when a foot leaves
+# the floor, its rim, less than delta above the floor, must take the floor's colour. The rounding of codes must not look
+# like a change, so the amount is more than _MARGIN_STEPS steps: at least two whole ones.
 _MARGIN_SHARE = 0.05
 _MARGIN_STEPS = 1.5
-# Of the absolute difference of two normal variates, to their common standard deviation: 1 / (0.6745 sqrt(2)).
+# Ratio of the standard deviation of two normal variates to the median of their absolute difference:
+# 1 / (0.6745 sqrt(2)).
 _DEVIATION_OF_MEDIAN = 1.0483
-# Depth that flickers: the maximum over many frames and the first frame's triangles stray to opposite sides, by three
-# to four standard deviations each. Less than that would add a little of every wall to the P-PBS, for ever.
+# delta in standard deviations of depth that flickers. The maximum over many frames and the first frame's triangles are
+# off in opposite directions, by three to four deviations each. With a smaller delta, a little of every wall would be
+# added to the P-PBS for ever.
 _DELTA_DEVIATIONS = 8.0
-# Of a mean of many frames and one more only this much is a change: with 3, one pixel in a hundred would be replaced
-# by a stray one every ten frames.
+# The nontrivial amount in standard deviations: a new frame must differ by more from the mean of many frames. With 3
+# instead of 4, one pixel in a hundred would be replaced by an outlier every ten frames.
 _MARGIN_DEVIATIONS = 4.0
-_NOISE_FRAMES = (1, 2, 4, 8, 16, 32)  # after the first: when noise is measured
+_NOISE_FRAMES = (1, 2, 4, 8, 16, 32)  # frames after the first at which noise is measured
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """delta, of culling and filtering: delta_m metres along a ray, or an error of delta_disparity (1/m) where that is
-    more. margin_m: the least nontrivial amount, metres; margin_disparity: the same in each camera's disparities.
-
-    depth_m: the median of the first frame's depths; noise: the standard deviation of disparity between frames, 1/m.
+    """delta_m, delta_disparity: delta, of culling and filtering, is delta_m metres along a ray, or an error of
+    disparity of delta_disparity (1/m) where that is more. margin_m: the least nontrivial amount, metres
+    (`margin_disparity` is the same in a camera's disparities). depth_m: the median of the first frame's depths, metres.
+    noise: the standard deviation of disparity between frames, 1/m.
     """
 
     delta_m: float
@@ -59,15 +62,15 @@ class Tolerances:
 
     @property
     def delta(self) -> Delta:
-        """delta as kernels take it."""
+        """delta as kernels take it: metres, and 1/m."""
         return float(self.delta_m), float(self.delta_disparity)
 
     def delta_at(self, depth_m: npt.NDArray[np.float64] | float) -> Any:
-        """delta at a depth, metres."""
+        """delta at a depth; both in metres."""
         return np.maximum(self.delta_m, self.delta_disparity * np.square(depth_m))
 
     def before_delta(self, depth_m: npt.NDArray[np.floating]) -> F64:
-        """Depths, metres, that are `depth_m` with their delta."""
+        """The depths d, metres, for which d plus delta at d is `depth_m`."""
         curved = 2.0 * depth_m / (1.0 + np.sqrt(1.0 + 4.0 * self.delta_disparity * depth_m))
         before: F64 = np.minimum(depth_m - self.delta_m, curved)
         return before
@@ -78,9 +81,9 @@ class Tolerances:
 
 
 class FollowedTolerances:
-    """The tolerances of a scene, which follow from its first frames.
+    """The tolerances of a scene, derived from its first frames.
 
-    first: samples of the first frame's disparities by reference camera; frames: how many came after it.
+    first: samples of the first frame's disparities by reference camera; frames: the number of frames after the first.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -90,14 +93,14 @@ class FollowedTolerances:
         self._settings = settings
 
     def start(self, views: Sequence[View]) -> Tolerances:
-        """Those of the first frame; raises ValueError where it has no valid depth."""
+        """The tolerances from the first frame; raises ValueError if it has no valid depth."""
         self.now = scene_tolerances(views, self._settings)
         self.first = [sampled_disparity(view.camera, view.codes) for view in views]
         return self.now
 
     def follow(self, frame: Frame, fixed: Sequence[int]) -> bool:
-        """Frames after the first tell how much depth flickers, as the cameras that have not moved see it; whether more
-        noise is allowed for than before."""
+        """Measures in later frames how much depth flickers, in the views of the cameras that have not moved (`fixed`).
+        Returns whether the noise is greater than before."""
         self.frames += 1
         if self.frames not in _NOISE_FRAMES or not self._settings.refine:
             return False
@@ -106,14 +109,14 @@ class FollowedTolerances:
         return self.now.noise > known.noise
 
     def replace(self, camera: int, view: View) -> None:
-        """A camera stands elsewhere: its flicker is measured against what it sees there."""
+        """Measures the flicker of a camera that has moved against its new view from now on."""
         self.first[camera] = sampled_disparity(view.camera, view.codes)
 
 
 def scene_tolerances(views: Sequence[View], settings: Settings) -> Tolerances:
-    """Tolerances from the depths of the first frame; what `settings` say is taken as it is.
+    """Tolerances from the depths of the first frame; tolerances in `settings` are taken as they are.
 
-    Raises ValueError where no view has a valid depth.
+    Raises ValueError if no view has a valid depth.
     """
     depth, steps = _median_depth(views), [view.camera.depth.step for view in views]
     delta, disparity, margin = settings.delta_m, settings.delta_disparity, settings.margin_m
@@ -129,17 +132,18 @@ def scene_tolerances(views: Sequence[View], settings: Settings) -> Tolerances:
 def with_noise(
     tolerances: Tolerances, first: Sequence[F64], views: Sequence[View], settings: Settings
 ) -> Tolerances:
-    """Tolerances that also allow for how much the depth of what stands still differs between two frames.
+    """Tolerances that also allow for the noise of depth: the difference of static surfaces between two frames.
 
-    `first`: `sampled_disparity` of the views in the first frame. Estimated depth drifts as well: a frame long after the
-    first tells more of its noise than the second. Delta follows from the flicker between neighbouring frames alone.
+    `first`: `sampled_disparity` of the views in the first frame. Estimated depth drifts as well, so a frame long after
+    the first shows more of its noise than the second frame. Delta is derived only once, from the flicker between the
+    first frames.
     """
     noise = []
     for old, view in zip(first, views, strict=True):
         difference = np.abs(sampled_disparity(view.camera, view.codes) - old)
         difference = difference[np.isfinite(difference)]
         if difference.size:
-            # The median: what moves is less than half of a picture.
+            # The median, as less than half of a picture moves.
             noise.append(_DEVIATION_OF_MEDIAN * float(np.median(difference)))
     if not noise:
         return tolerances
@@ -147,7 +151,7 @@ def with_noise(
     delta, disparity = tolerances.delta_m, tolerances.delta_disparity
     if settings.delta_m is None and settings.delta_disparity is None and tolerances.noise == 0.0:
         disparity = max(disparity, _DELTA_DEVIATIONS * deviation)
-        # Not every noise is the same in all disparities: what is near has no less than the median depth.
+        # Some noise is not the same at all disparities: near surfaces get no smaller delta than the median depth.
         delta = max(delta, disparity * tolerances.depth_m**2)
     return dataclasses.replace(
         tolerances, delta_m=delta, delta_disparity=disparity, noise=max(deviation, tolerances.noise)
@@ -155,7 +159,7 @@ def with_noise(
 
 
 def sampled_disparity(camera: Camera, codes: U16) -> F64:
-    """Disparities of about 16384 of a view's pixels, nan where there is none."""
+    """Disparities (1/m) of about 16384 of a view's pixels; nan where there is no depth."""
     stride = max(1, math.isqrt(codes.size // 16384))
     return camera.depth.disparity(codes[::stride, ::stride])
 

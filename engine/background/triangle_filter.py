@@ -1,4 +1,4 @@
-"""The triangle filter (section 3.3.3, Fig. 6b): only what is more than delta behind the PBS becomes part of it."""
+"""The triangle filter (section 3.3.3, Fig. 6b): only surfaces more than delta behind the PBS become part of it."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = ["filter_updated"]
 def filter_updated(
     tracer: RayTracer, capture: Capture, delta: Delta, neighbours: int, report: UpdateReport
 ) -> B1:
-    """Keeps, of the pixels of a maximum depth image that were updated since its camera's last turn, those that the
-    filter accepts, and beside which `neighbours` pixels are accepted or kept as well; returns the blocks
-    (`maximum_depth.BLOCK`) in which some were, or pixels kept before have changed."""
+    """Filters the pixels of a maximum depth image that were updated since its camera's last turn. It keeps an accepted
+    pixel if at least `neighbours` of its eight neighbours are accepted or kept as well. Returns the blocks
+    (`maximum_depth.BLOCK`) in which pixels were accepted, or pixels that were kept before have changed."""
     image = capture.image
     blocks = np.argwhere(image.pending | image.lone)
     counts = tracer.filter_pixels(capture, delta, neighbours, blocks, BLOCK)
     image.pending[:] = False
-    image.lone[tuple(blocks.T)] = counts[:, LONE] > 0  # waits until there is more beside it
+    image.lone[tuple(blocks.T)] = counts[:, LONE] > 0  # lone pixels wait until they have enough neighbours
     totals = counts.sum(axis=0)
     report.candidates += int(totals[CANDIDATES])
     report.accepted += int(totals[ACCEPTED])

@@ -1,4 +1,5 @@
-"""The viewing space: a ball that heads stay in. What faces away from all of it nobody can see, nor what is hidden."""
+"""The viewing space: a ball in which heads stay. Nobody can see a surface that faces away from the whole ball, or that
+is hidden from all of it."""
 
 from __future__ import annotations
 
@@ -24,8 +25,8 @@ __all__ = ["ViewingSpace", "flag_hidden"]
 
 
 _ALL_ROUND = Equirectangular(8192, 4096, (-math.pi, math.pi), (-math.pi / 2, math.pi / 2))
-_FEW = 8  # of so many eyes one is asked first
-_INSIDE = 0.5  # of the radius: where eyes are besides the middle and round the ball
+_FEW = 8  # every eighth eye is asked first
+_INSIDE = 0.5  # distance, as a share of the radius, of the eyes between the middle and the surface of the ball
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -37,30 +38,30 @@ class ViewingSpace:
 
     @classmethod
     def relative_to(cls, origin: npt.ArrayLike, ball: tuple[float, float, float, float]) -> ViewingSpace:
-        """That of x, y, z and radius in the world."""
+        """The ball with x, y, z and radius in the world, relative to `origin`; metres."""
         x, y, z = np.subtract(ball[:3], origin).tolist()
         return cls((x, y, z), ball[3])
 
     def sees(self, mesh: Mesh) -> npt.NDArray[np.bool_]:  # [m]
-        """Which triangles show their front to some point of the ball, whatever is before them.
+        """Which triangles show their front to some point of the ball, regardless of what hides them.
 
-        A point sees the front where it lies on that side of the triangle's plane; of a ball, the point nearest to that
-        side is its radius nearer than the middle. Triangles without an area are seen by nobody.
+        A point sees the front if it is on that side of the triangle's plane. The ball reaches one radius farther to
+        that side than its middle. Triangles without an area are seen by nobody.
         """
         a, b, c = (mesh.points[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
-        normal = np.cross(b - a, c - a)  # towards who saw it, from where triangles are wound counterclockwise
+        normal = np.cross(b - a, c - a)  # towards the camera that saw it: it sees triangles wound counterclockwise
         height = np.einsum("ij,ij->i", normal, np.array(self.middle) - a)
         seen: npt.NDArray[np.bool_] = height > -self.radius * np.linalg.norm(normal, axis=1)
         return seen
 
     def seen(self, mesh: Mesh) -> Mesh:
-        """A mesh without the triangles that face away from everybody; in one block where there are any."""
+        """A mesh without the triangles that face away from the whole ball; in one block if there are any."""
         faces = self.sees(mesh)
         return mesh if faces.all() else mesh.only(faces)
 
     def eyes(self) -> F64:  # [n, CAMERA_SIZE]
-        """Packed cameras that look all round: in the middle, halfway out, and at the corners of a body that holds the
-        ball. What a straight edge hides from all corners it hides from the ball."""
+        """Packed cameras with a full view: in the middle, halfway out, and at the corners of a polyhedron that contains
+        the ball. If a straight edge hides something from all corners, it hides it from the whole ball."""
         near, around = _icosahedron(), _geodesic()
         offsets = np.concatenate([np.zeros((1, 3)), _INSIDE * near, around])
         places = np.unique(np.array(self.middle) + self.radius * offsets, axis=0)
@@ -72,15 +73,16 @@ def flag_hidden(
     space: ViewingSpace, pbs: ProbableBackgroundSurface, surfaces: Sequence[Surface], captures: Captures,
     present: Present, delta: Delta, report: UpdateReport,
 ) -> None:  # fmt: skip
-    """Flags triangles of surfaces as invalid that other background hides from all of the space, and reports them.
-    captures: those that the surfaces stem from.
+    """Flags triangles of surfaces as invalid if other background hides them from the whole space, and reports them.
+    captures: the captures that the surfaces stem from.
 
-    A triangle stays where one of the space's eyes is shown (see `capture.Present`) one of some points of it, or what
-    lies less than delta before it; and so does what lies within CELL to 2 CELL pixels of it in its picture. This is a
-    sampled answer. Wrongly lost may be what heads between the eyes see through a gap narrower than that, farther from
-    the gap's sides than those pixels; and what is hidden now by something that is taken for background and will go
-    away, where the views do not show it then: holes in the
-    background. And what is not kept cannot show, behind something new, that this is foreground.
+    A triangle stays if one of the space's eyes sees (see `capture.Present`) one of its sample points, or a surface less
+    than delta before that point; so do all triangles within CELL to 2 CELL pixels of it in its picture.
+
+    The test samples, so it can wrongly drop (a) a surface that heads between the eyes see only through a gap, farther
+    than those pixels from the gap's sides, and (b) a surface hidden by something that counts as background and later
+    leaves, where the views do not show the surface then. Both appear as holes in the background. A dropped surface also
+    cannot prove that a new object in front of it is foreground.
     """
     eyes, found = space.eyes(), []
     for surface in surfaces:
@@ -88,18 +90,18 @@ def flag_hidden(
         seen = np.zeros(len(surface.invalid), np.uint8)
         wraps = camera.wraps
         cells = np.zeros((math.ceil(camera.height / CELL), math.ceil(camera.width / CELL)), np.uint8)
-        for some in (eyes[::_FEW], eyes):  # few see most, and what is beside need not be asked for
+        for some in (eyes[::_FEW], eyes):  # a few eyes see most triangles, and their neighbours need no test then
             report.rays += pbs.tracer.mark_seen(some, surface, present, delta, wraps, cells, seen)
             spread_seen(surface.mesh.uv, surface.mesh.triangles, seen, wraps, cells)
         found.append((surface, wraps, cells))
     with pbs.lock:
-        for surface, wraps, cells in found:  # only now: what is hidden still hides
+        for surface, wraps, cells in found:  # only now, as hidden triangles must hide others during the test
             mesh = surface.mesh
             report.hidden += int(flag_unseen(mesh.uv, mesh.triangles, wraps, cells, surface.invalid))
 
 
 def _icosahedron() -> F64:  # [12, 3]
-    """Its corners, on the unit sphere."""
+    """The corners of an icosahedron, on the unit sphere."""
     golden = 0.5 * (1.0 + math.sqrt(5.0))
     signs = itertools.product((-1.0, 1.0), (-golden, golden))
     corners = np.array([np.roll((0.0, a, b), k) for a, b in signs for k in range(3)])
@@ -107,11 +109,11 @@ def _icosahedron() -> F64:  # [12, 3]
 
 
 def _geodesic() -> F64:  # [42, 3]
-    """Corners of a body of 80 triangles that holds the unit ball: an icosahedron's and those over its edges."""
+    """Corners of a polyhedron of 80 triangles that contains the unit ball: an icosahedron's, and one over each edge."""
     corners = _icosahedron()
     edge = np.linalg.norm(corners[:, None] - corners, axis=-1)
     a, b = np.nonzero(np.triu(edge < 1.01 * edge[edge > 0.0].min(), 1))
     over = (corners[a] + corners[b]) / np.linalg.norm(corners[a] + corners[b], axis=-1, keepdims=True)
-    # The faces nearest to the middle have all their corners over edges, and so neighbours 36 degrees apart.
+    # The faces nearest to the middle have all their corners over edges; those corners are 36 degrees apart.
     inner = math.sqrt(1.0 - (2.0 * math.sin(math.radians(18.0))) ** 2 / 3.0)
     return np.concatenate([corners, over]) / inner

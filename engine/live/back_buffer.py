@@ -1,4 +1,4 @@
-"""The back buffer: collects the views of the frame that is arriving."""
+"""The back buffer: collects the views of the arriving frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["BackBuffer", "OrderError"]
 
 
 class OrderError(ValueError):
-    """A view came out of order: names field, value and expectation."""
+    """A view came out of order; the error names the field, its value and what was expected."""
 
     def __init__(self, field: str, value: object, expected: str) -> None:
         self.field, self.value, self.expected = field, value, expected
@@ -18,7 +18,7 @@ class OrderError(ValueError):
 
 
 class BackBuffer:
-    """One source's frames, one after the other: within a frame views come in any order, each once."""
+    """The frames of one source, one after the other. Within a frame, views come in any order, each once."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)
@@ -26,7 +26,11 @@ class BackBuffer:
         self._views: dict[str, View] = {}
 
     def add(self, frame: int, view: View) -> Frame | None:
-        """Take a view; gives the complete frame, views in the cameras' order. Raises OrderError."""
+        """Take a view. Returns the frame, its views in the order of the cameras, if it is complete now; else None.
+
+        Raises OrderError for a view of another frame than the one that is incomplete, for a frame whose number does not
+        rise, and for a camera that is unknown or has delivered its view.
+        """
         missing = [name for name in self._names if name not in self._views]
         if self._views and frame != self._frame:
             raise OrderError("frame", frame, f"{self._frame}, which still lacks {', '.join(missing)}")

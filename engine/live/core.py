@@ -1,4 +1,4 @@
-"""The core as the live engine uses it: a protocol, and the core in this process (`core_process` has the one apart)."""
+"""The core of the live engine: a protocol, and a core in this process (`core_process` has one in its own process)."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Core", "CoreLostError", "LocalCore", "Look", "Source", "Updated", "make_local_core"]
 
-Look = Callable[[], Mapping[str, StereoView]]  # where the viewers look at the moment of the call; in any thread
+Look = Callable[[], Mapping[str, StereoView]]  # returns the present views of all viewers; called in any thread
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What is on: a source's name, nominal frame rate (1/s) and cameras."""
+    """The source that is playing: its name, nominal frame rate (1/s) and cameras."""
 
     name: str
     fps: float
@@ -31,43 +31,43 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Updated:
-    """What a core says of an update: milliseconds by stage (and `total`), and its own figures after it."""
+    """A core's report on an update: milliseconds per stage (and `total`), and the core's status after it."""
 
     stages: Mapping[str, float]
     status: Mapping[str, Any]
 
 
 class CoreLostError(RuntimeError):
-    """The core is gone, with its process; whatever was asked of it is not done."""
+    """The core's process has ended; requests that were under way are not done."""
 
 
 class Core(Protocol):
-    """Takes frames and gives encoded pairs; every method is called in worker threads, several at the same time.
+    """Takes frames and returns encoded pairs; methods are called in worker threads, several at the same time.
 
-    Each may raise CoreLostError; after that all do.
+    Each method may raise CoreLostError; once one has, all do.
     """
 
     def give_way(self, niceness: int) -> None:
-        """What the calling thread asks for from now on is worked at behind everything else (`support.runtime`)."""
+        """Do the work of the calling thread at a lower priority from now on (`support.runtime.give_way`)."""
 
     def update(self, frame: Frame, look: Look, speeds: Mapping[str, float], f_vin: float) -> Updated:
-        """Take a frame and make it the one that is rendered; by one thread at a time.
+        """Take a frame and make it the one that is rendered; called by one thread at a time.
 
-        look: asked each time that the viewers' poses are wanted. speeds: of the viewers' heads, m/s. f_vin: frames a
-        second, how long this one has to last. Raises ValueError for a frame that does not fit.
+        look: called each time that the viewers' poses are needed. speeds: of the viewers' heads, m/s. f_vin: frames per
+        second; the frame is shown for 1 / f_vin. Raises ValueError for a frame that does not fit the rig.
         """
 
     def picture(self, view: StereoView, viewer: str, encoding: str) -> EncodedPair:
-        """Both eyes' pictures of the newest frame for a viewer, as bytes (`io.images.encode_picture`)."""
+        """Both eyes' pictures of the newest frame for a viewer, as bytes (encoding: `io.images.encode_picture`)."""
 
     def retune(self, settings: Settings) -> None:
-        """Render from the next picture on as these settings say; waits for nothing."""
+        """Use other settings from the next picture on; returns at once."""
 
     def mesh(self, file_format: str) -> bytes:
-        """The background model as a file: glb or ply (`io.mesh_files`). Raises ValueError where there is none."""
+        """The background model as a file: glb or ply (`io.mesh_files`). Raises ValueError if there is no model yet."""
 
     def close(self) -> None:
-        """Nobody asks for anything any more."""
+        """End the core; no method is called after this."""
 
 
 class LocalCore:
@@ -77,13 +77,13 @@ class LocalCore:
         self._engine = engine
 
     def give_way(self, niceness: int) -> None:
-        """The kernels that the calling thread starts leave a core to others, and it runs behind them."""
-        from ..support.runtime import give_way  # late, as all that loads the compiler
+        """Run the calling thread's kernels on one core fewer, and at a lower priority."""
+        from ..support.runtime import give_way  # late, as it loads the compiler
 
         give_way(niceness)
 
     def update(self, frame: Frame, look: Look, speeds: Mapping[str, float], f_vin: float) -> Updated:
-        """Take a frame; stages are the engine's, status is `Engine.status`."""
+        """Take a frame; the report has the engine's stages and `Engine.status`."""
         self._engine.f_vin = f_vin
         with timed(whole := Stages(), "total"):
             report = self._engine.update(frame, look, speeds)
@@ -94,7 +94,7 @@ class LocalCore:
         return self._engine.render_encoded(view, viewer, encoding)
 
     def retune(self, settings: Settings) -> None:
-        """Settings of the next picture."""
+        """Set the settings of the next picture."""
         self._engine.retune(settings)
 
     def mesh(self, file_format: str) -> bytes:
@@ -109,7 +109,7 @@ class LocalCore:
 
 
 def make_local_core(cameras: Sequence[Camera], settings: Settings) -> LocalCore:
-    """A core with an engine for a rig; only a process that renders loads the engine and its compiler."""
+    """A core with an engine for a rig. The engine and its compiler are loaded here, so only in processes that render."""
     from ..pipeline.engine import Engine
 
     return LocalCore(Engine(cameras, settings))

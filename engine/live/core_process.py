@@ -1,4 +1,4 @@
-"""A core in a process of its own: nothing that it computes keeps the interpreter from who owns it."""
+"""A core in a process of its own, so that its computations never block the interpreter of the process that owns it."""
 
 from __future__ import annotations
 
@@ -29,27 +29,27 @@ from .interpreter import SETTLES_AFTER, SWITCH_S, set_aside
 __all__ = ["ProcessCore"]
 
 _START = "from farside.engine.live.core_process import serve; serve()"
-_END_S = 10.0  # then a process that was told to end is killed
-_PACKET = 1 << 16  # bytes; settings are less
+_END_S = 10.0  # time for a process to end before it is killed
+_PACKET = 1 << 16  # bytes; pickled settings are smaller
 
 
 class _Answer(NamedTuple):
     result: Any
     error: Exception | None
-    released: list[int]  # numbers of frames that the process no longer reads
+    released: list[int]  # numbers of the frames that the process has stopped reading
 
 
 class _Question(NamedTuple):
-    """Where do the viewers look now?"""
+    """A question from the core's process: where do the viewers look now?"""
 
 
 class ProcessCore:
     """A core in a process of its own (`core.Core`).
 
-    Every thread that calls has a thread of that process working for it. A frame is sent as the name of the memory that
-    it lies in, where it has one (`Frame.lent`), and stays reserved until nobody reads it in that process. `make` is
-    called in that process, with the arguments, and gives the core that does the work; it is pickled, as are questions
-    and answers. Raises CoreLostError where the process has ended; what the core raises is raised here.
+    Every calling thread has a thread of that process that works for it. If a frame's memory has a name (`Frame.lent`),
+    only the name is sent, and the frame stays reserved until the process has stopped reading it. `make` is called in
+    that process, with the arguments, and returns the core that does the work; it is pickled, as are questions and
+    answers. Raises CoreLostError if the process has ended; exceptions of the core are raised here.
     """
 
     def __init__(self, make: Callable[..., Core], *arguments: Any) -> None:
@@ -59,13 +59,13 @@ class ProcessCore:
                 [sys.executable, "-c", _START, str(theirs.fileno())],
                 stdin=subprocess.DEVNULL,
                 pass_fds=[theirs.fileno()],
-                process_group=0,  # Ctrl-C is for who owns it
+                process_group=0,  # Ctrl-C goes only to the owner
             )
         self._lines = threading.local()
-        self._frames: dict[int, Frame] = {}  # that the process reads
+        self._frames: dict[int, Frame] = {}  # frames that the process reads
         self._numbers = count()
         self._end = weakref.finalize(self, _end_later, self._control, self._process)
-        self._end.atexit = False  # the end of this process is told by the system
+        self._end.atexit = False  # when this process ends, the system closes the socket
         try:
             self._ask(_make, make, *arguments)
         except BaseException:
@@ -73,11 +73,11 @@ class ProcessCore:
             raise
 
     def give_way(self, niceness: int) -> None:
-        """The thread that works for the calling one gives way, in that process."""
+        """Lower the priority of the thread, in that process, that works for the calling one."""
         self._ask(_call, "give_way", niceness)
 
     def update(self, frame: Frame, look: Look, speeds: Mapping[str, float], f_vin: float) -> Updated:
-        """Take a frame; the status also has the process' `pid`."""
+        """Take a frame; the status also has the `pid` of the process."""
         number = next(self._numbers)
         self._frames[number] = frame
         cameras = tuple(view.camera for view in frame.views)
@@ -85,7 +85,7 @@ class ProcessCore:
         try:
             updated: Updated = self._ask(_update, number, what, dict(speeds), f_vin, look=look)
         finally:
-            if frame.lent is None:  # they have a copy
+            if frame.lent is None:  # the process has a copy
                 del self._frames[number]
         return Updated(updated.stages, {**updated.status, "pid": self.pid})
 
@@ -95,7 +95,7 @@ class ProcessCore:
         return pair
 
     def retune(self, settings: Settings) -> None:
-        """Render from the next picture on with other settings; waits for nothing."""
+        """Use other settings from the next picture on; returns at once."""
         try:
             self._control.send(pickle.dumps(settings))
         except OSError as error:
@@ -107,21 +107,21 @@ class ProcessCore:
         return data
 
     def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
-        """What `work(core, *arguments)` gives in that process: for looking into it."""
+        """The result of `work(core, *arguments)` in that process: for inspection."""
         return self._ask(_run, work, *arguments)
 
     @property
     def held_frames(self) -> int:
-        """How many frames stay reserved because the process reads them."""
+        """The number of frames that are reserved because the process reads them."""
         return len(self._frames)
 
     @property
     def pid(self) -> int:
-        """Of the process."""
+        """Id of the process."""
         return self._process.pid
 
     def close(self) -> None:
-        """End the process; no call may be under way. Also happens when nobody has the core any more."""
+        """End the process; no call may be under way. This also happens when the last reference to the core is gone."""
         if self._end.detach():
             _end(self._control, self._process)
         self._lines = threading.local()
@@ -142,7 +142,7 @@ class ProcessCore:
         return answer.result
 
     def _seen(self, look: Look) -> dict[str, StereoView]:
-        """Where the viewers look; where that fails the line is given up, as an answer is still expected on it."""
+        """The present views of the viewers. If `look` raises, the line is closed, as it still waits for an answer."""
         try:
             return dict(look())
         except BaseException:
@@ -179,14 +179,14 @@ def _end(control: socket.socket, process: subprocess.Popen[bytes]) -> None:
 
 
 def _end_later(control: socket.socket, process: subprocess.Popen[bytes]) -> None:
-    threading.Thread(target=_end, args=(control, process), name="farside-end").start()  # it frees gigabytes
+    threading.Thread(target=_end, args=(control, process), name="farside-end").start()  # freeing gigabytes takes time
 
 
 # In the process of the core
 
 
 class _Host:
-    """What the threads of the core's process share: the core, and the frames that it reads."""
+    """Shared by the threads of the core's process: the core, and the frames that it reads."""
 
     def __init__(self) -> None:
         self.core: Core
@@ -195,9 +195,9 @@ class _Host:
         self._maps: dict[Lent, Any] = {}
 
     def frame(self, number: int, index: int, cameras: tuple[Camera, ...], lent: Lent) -> Frame:
-        """A frame in lent memory; told as released when its planes are gone."""
+        """A frame in lent memory; its number is added to `released` when its planes are gone."""
         if lent not in self._maps:
-            # What another name lent is not lent again.
+            # Memory under another name is of an earlier source and is not lent again.
             self._maps = {known: memory for known, memory in self._maps.items() if known.name == lent.name}
             try:
                 self._maps[lent] = open_memory(*lent, cameras)
@@ -210,7 +210,7 @@ class _Host:
         return Frame(index, tuple(View(camera, *planes[camera.name]) for camera in cameras))
 
     def take_released(self) -> list[int]:
-        """Frames that are not read any more, each told once."""
+        """Numbers of the frames released since the last call."""
         return [self.released.popleft() for _ in range(len(self.released))]
 
 
@@ -243,7 +243,7 @@ def _update(
 
 
 def serve() -> NoReturn:
-    """What the core's process does; the first argument is the number of its control socket."""
+    """The main function of the core's process; its first argument is the descriptor of the control socket."""
     sys.setswitchinterval(SWITCH_S)
     control, host = socket.socket(fileno=int(sys.argv[1])), _Host()
     while True:
@@ -253,11 +253,11 @@ def serve() -> NoReturn:
         elif packet:
             host.core.retune(pickle.loads(packet))
         else:
-            os._exit(0)  # whatever is under way: nobody waits for it any more
+            os._exit(0)  # even if work is under way: nobody waits for it
 
 
 def _work(host: _Host, line: Connection) -> None:
-    """Work for one thread, until it ends."""
+    """Work for one thread of the owner until that thread ends."""
     while True:
         try:
             message = line.recv_bytes()
@@ -273,14 +273,14 @@ def _answer(host: _Host, line: Connection, message: bytes) -> bytes:
         result = work(host, line, *arguments)
         del arguments
         return pickle.dumps(_Answer(result, None, host.take_released()), protocol=5)
-    except Exception as error:  # a boundary: it is raised where the work was asked for
+    except Exception as error:  # a boundary: raised again in the process that asked for the work
         return pickle.dumps(_Answer(None, _portable(error), host.take_released()))
 
 
 def _portable(error: Exception) -> Exception:
-    """The error, or what it says where it cannot be sent."""
+    """The error, or a RuntimeError with its text if it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(error))
-    except Exception:  # whatever its class does
+    except Exception:  # its class may raise anything
         return RuntimeError(f"{type(error).__name__}: {error}")
     return error

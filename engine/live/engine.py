@@ -1,8 +1,8 @@
 """The live engine: asyncio around a core.
 
-Two rates that do not wait for each other: video frames go to one back-end thread (f_vin), poses to a few front-end
-threads (f_ren). Neither is ever queued: the newest complete frame and each viewer's newest pose win, what they overtake
-is dropped and counted. Everything but the work itself happens on the event loop.
+There are two rates that do not wait for each other: video frames go to one back-end thread (f_vin), poses to a few
+front-end threads (f_ren). Neither is ever queued: the newest complete frame and each viewer's newest pose win, older
+ones are dropped and counted. Everything except the work itself happens on the event loop.
 """
 
 from __future__ import annotations
@@ -31,7 +31,11 @@ _log = logging.getLogger(__name__)
 
 
 class Live(AbstractAsyncContextManager["Live"]):
-    """Owns the core, its threads and its tasks; used as an async context manager."""
+    """Owns the core, its threads and its tasks; used as an async context manager.
+
+    make_core: makes a core for a source, in a worker thread. render_workers: pictures rendered at the same time.
+    governor: holds a frame rate; None: settings stay. patience: chooses the priority of updates.
+    """
 
     def __init__(
         self,
@@ -43,7 +47,7 @@ class Live(AbstractAsyncContextManager["Live"]):
     ) -> None:
         self._make_core, self.governor = make_core, governor
         self._patience = patience or Patience()
-        # One of them works at a time; a thread that has given way cannot take it back.
+        # One thread per niceness, as a thread cannot raise its priority again. Only one of them works at a time.
         self._back_ends = {niceness: ThreadPoolExecutor(1, "farside-back-end") for niceness in (GENTLE, FIRM)}
         self._front_end = ThreadPoolExecutor(render_workers, "farside-front-end")
         self._exports = ThreadPoolExecutor(1, "farside-export")
@@ -70,7 +74,7 @@ class Live(AbstractAsyncContextManager["Live"]):
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop taking frames, end the tasks, then wait for what the threads are doing."""
+        """Stop taking frames, end the tasks, then wait until the threads have finished their work."""
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -81,15 +85,15 @@ class Live(AbstractAsyncContextManager["Live"]):
             await asyncio.to_thread(core.close)
 
     async def open(self, source: Source) -> None:
-        """A source announces its cameras; the same ones again go on with the same background model.
+        """Begin with a source. If its cameras are those of the last source, the background model is continued.
 
-        One after the other: a source may come while a core is still being made for one that has left.
+        Calls run one after the other: a source may come while a core is still being made for one that has left.
         """
         async with self._opening:
             self._drop_pending()
             if self.source is None or self.source.cameras != source.cameras:
                 core = await self._make(source)
-                self._drop_pending()  # offered meanwhile, for the core before
+                self._drop_pending()  # a frame offered meanwhile was for the core before
                 self._core = core
                 self.shown, self._core_status = None, {}
                 self._retune()
@@ -100,11 +104,14 @@ class Live(AbstractAsyncContextManager["Live"]):
         core = await asyncio.to_thread(self._make_core, source)
         loop = asyncio.get_running_loop()
         for niceness, thread in self._back_ends.items():
-            await loop.run_in_executor(thread, core.give_way, niceness)  # a late frame is less noticed than a picture
+            await loop.run_in_executor(thread, core.give_way, niceness)  # a late picture is noticed more than a frame
         return core
 
     def offer(self, frame: Frame) -> asyncio.Future[bool]:
-        """A frame is complete: the future tells whether it was shown (True) or overtaken (False)."""
+        """Offer a complete frame. The future is True if the frame was shown, False if a newer one overtook it.
+
+        Raises RuntimeError before a source was opened.
+        """
         if self._core is None:
             raise RuntimeError("no source was opened")
         self._drop_pending()
@@ -131,11 +138,11 @@ class Live(AbstractAsyncContextManager["Live"]):
             try:
                 await self._update(core, source, frame, settled)
             finally:
-                settled.cancel()  # only where a shutdown came in between
+                settled.cancel()  # has an effect only if a shutdown interrupted the update
 
     async def _update(self, core: Core, source: Source, frame: Frame, settled: asyncio.Future[bool]) -> None:
         speeds = {name: viewer.speed for name, viewer in self._viewers.items()}
-        # The PBI lasts until the next one is ready: the attained rate counts, not the nominal one.
+        # The PBI has to last until the next one is ready, so the attained rate counts, not the nominal one.
         f_vin = min(source.fps, self.frame_rate.per_second() or source.fps)
         loop, start, first = asyncio.get_running_loop(), time.monotonic(), self.shown is not core
         try:
@@ -143,7 +150,7 @@ class Live(AbstractAsyncContextManager["Live"]):
                 updated = await loop.run_in_executor(
                     self._back_ends[self._patience.niceness], core.update, frame, self._look, speeds, f_vin
                 )
-        except Exception as error:  # a boundary: whoever offered the frame is told, the service goes on
+        except Exception as error:  # a boundary: the future gets the error, the service goes on
             self._fail(frame, settled, error)
             self._give_up(core, error)
             return
@@ -160,7 +167,7 @@ class Live(AbstractAsyncContextManager["Live"]):
             settled.set_result(True)
 
     def _look(self) -> dict[str, StereoView]:
-        """Where the viewers look now; in any thread."""
+        """The present views of all viewers; called in any thread."""
         return {name: viewer.view for name, viewer in list(self._viewers.items())}
 
     def _fail(self, frame: Frame, settled: asyncio.Future[bool], error: Exception) -> None:
@@ -175,7 +182,7 @@ class Live(AbstractAsyncContextManager["Live"]):
 
     @contextmanager
     def viewer(self, name: str, view: StereoView) -> Iterator[LiveViewer[Any]]:
-        """A viewer takes part while the block runs; every update renders its PBI."""
+        """Add a viewer while the `with` block runs; every update renders its PBI."""
         viewer: LiveViewer[Any] = LiveViewer(self, name, view)
         self._viewers[name] = viewer
         viewer.wake.set()
@@ -197,17 +204,17 @@ class Live(AbstractAsyncContextManager["Live"]):
         return pair
 
     def _give_up(self, core: Core, error: Exception) -> None:
-        """Where a core's process has ended, the next source to come gets another."""
+        """Forget a core whose process has ended; the next source gets another one."""
         if not isinstance(error, CoreLostError) or core is not self._core:
             return
         self._core_status = {"lost": str(error)}
         self._core = self.source = self.shown = None
-        if self._pending is not None:  # perhaps of a source that came before anybody knew
+        if self._pending is not None:  # perhaps from a source that came before the loss was noticed
             (frame, settled), self._pending = self._pending, None
             self._fail(frame, settled, error)
 
     def _account(self, viewer: str, stages: Mapping[str, float], start: float) -> None:
-        """Account for a viewer's stereo picture that was asked for at a moment of the monotonic clock."""
+        """Account for a viewer's stereo picture that was requested at `start` (monotonic clock, s)."""
         self.timings.add(stages, "render.")
         self.picture_rate.count()
         now, updating = time.monotonic(), self._updates.since(start)
@@ -218,13 +225,14 @@ class Live(AbstractAsyncContextManager["Live"]):
         (self._longest_in_update if updating else self._longest_picture).add(took)
 
     def _retune(self) -> None:
-        """Render on the governor's rung: the core that is shown, and the one that is to be."""
+        """Set the governor's rung in the core that is shown, and in the one that is going to be shown."""
         if self.governor is not None:
             for core in filter(None, (self.shown, self._core)):
                 core.retune(self.governor.rung.settings)
 
     async def mesh(self, file_format: str) -> bytes:
-        """The background model as a file (`Core.mesh`), in a thread of its own; ValueError before the first frame."""
+        """The background model as a file (`Core.mesh`), made in a thread of its own; ValueError before the first frame.
+        """
         core = self.shown
         if core is None:
             raise ValueError("mesh: there is none before the first frame: expected a source to be playing")
@@ -233,11 +241,11 @@ class Live(AbstractAsyncContextManager["Live"]):
 
     @property
     def viewer_count(self) -> int:
-        """How many viewers take part."""
+        """The number of viewers."""
         return len(self._viewers)
 
     def status(self, seconds: float = math.inf) -> dict[str, Any]:
-        """Figures for people and monitors; milliseconds, the longest of the last so many seconds, and rates in 1/s."""
+        """Figures for people and monitors: milliseconds, the longest of the last `seconds`, and rates in 1/s."""
         source = self.source
         return {
             "source": source

@@ -1,4 +1,4 @@
-"""Memory that frames arrive in: a few buffers used again and again, which a process beside this one can write into."""
+"""Memory for arriving frames: a few buffers that are reused, and that another process can map and write to."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _ALIGNMENT = 64  # bytes
 
 
 class Planes(NamedTuple):
-    """Where one view's texture and depth codes (uint16 [h, w]) lie."""
+    """The arrays of one view's texture and depth codes (uint16 [h, w])."""
 
     texture: Texture
     codes: npt.NDArray[np.uint16]
 
 
 def _shapes(camera: Camera) -> list[tuple[int, int]]:
-    """Of Y, Cb, Cr and the depth codes."""
+    """Shapes of Y, Cb, Cr and the depth codes."""
     luma, chroma = (camera.height, camera.width), ((camera.height + 1) // 2, (camera.width + 1) // 2)
     return [luma, chroma, chroma, luma]
 
@@ -42,12 +42,12 @@ def _padded(shape: tuple[int, int]) -> int:
 
 
 def frame_bytes(cameras: Sequence[Camera]) -> int:
-    """How much memory a frame takes."""
+    """Bytes of memory of a frame."""
     return sum(_padded(shape) for camera in cameras for shape in _shapes(camera))
 
 
 def lay_out(memory: npt.NDArray[np.uint8], cameras: Sequence[Camera]) -> dict[str, Planes]:
-    """The planes of a frame in its memory, by camera: Y, Cb, Cr, depth, each from a multiple of 64 bytes on."""
+    """The planes of a frame in its memory, by camera: Y, Cb, Cr, depth, each at a multiple of 64 bytes."""
     offset, planes = 0, {}
     for camera in cameras:
         arrays = []
@@ -60,18 +60,18 @@ def lay_out(memory: npt.NDArray[np.uint8], cameras: Sequence[Camera]) -> dict[st
 
 @dataclass(frozen=True, slots=True)
 class FrameBuffer:
-    """The memory of one frame; it is free again when nobody has any of its planes any more."""
+    """The memory of one frame; it is free again when the last reference to its planes is gone."""
 
     number: int
     planes: dict[str, Planes]  # by camera
 
 
 class FrameBuffers:
-    """A few frames' memory, taken and given back; `on_free` is called, in any thread, when one has come back.
+    """Memory of `count` frames, taken and given back; `on_free` is called, in any thread, when one has come back.
 
-    Each lies in a file without a name (memfd), which a process that may look into this one can open: `files` are its
-    descriptors here, `name` what they are called in /proc. A file's size cannot be changed any more. Fresh memory costs
-    more than filling it, and this way no more than so many frames are ever kept.
+    Each buffer is an anonymous file (memfd) that a process with access to this one can open: `files` are the
+    descriptors here, `name` is the files' name in /proc. Their size is sealed. Buffers are reused because fresh memory
+    costs more than filling it, and no more than `count` frames are ever kept.
     """
 
     def __init__(
@@ -86,17 +86,17 @@ class FrameBuffers:
         self._lock = threading.Lock()
 
     def take(self) -> FrameBuffer | None:
-        """One that is free; None where all are in use."""
+        """A free buffer; None if all are in use."""
         with self._lock:
             if not self._free:
                 return None
             number = self._free.popleft()
         memory = np.frombuffer(self._maps[number], np.uint8)
-        weakref.finalize(memory, self._give_back, number).atexit = False  # the base of all planes: it goes after them
+        weakref.finalize(memory, self._give_back, number).atexit = False  # the base of all planes: outlives them
         return FrameBuffer(number, lay_out(memory, self.cameras))
 
     def lent(self, number: int) -> Lent:
-        """Where another process finds a buffer."""
+        """The address of buffer `number` for another process."""
         return Lent(os.getpid(), self.files[number], self.name)
 
     def _give_back(self, number: int) -> None:
@@ -108,7 +108,8 @@ class FrameBuffers:
         self._on_free()
 
     def close(self) -> None:
-        """Lets go of the memory; what is in use stays as long as it is, and can be opened; `on_free` is not called."""
+        """Frees the memory. Buffers in use stay, and can be opened, until they are given back; `on_free` is not called.
+        """
         with self._lock:
             self._closed = True
             while self._free:
@@ -127,12 +128,15 @@ def _create(name: str, size: int) -> int:
 
 
 def open_buffer(process: int, file: int, name: str, cameras: Sequence[Camera]) -> dict[str, Planes]:
-    """Another process' buffer, to be written; OSError where it cannot be had, or is not what it is said to be."""
+    """The planes of another process' buffer, writable; arguments as in `Lent`.
+
+    Raises OSError if it cannot be opened, or its name or size is not the expected one.
+    """
     return lay_out(np.frombuffer(open_memory(process, file, name, cameras), np.uint8), cameras)
 
 
 def open_memory(process: int, file: int, name: str, cameras: Sequence[Camera]) -> mmap.mmap:
-    """The memory of another process' buffer; OSError as `open_buffer` has it."""
+    """The memory of another process' buffer; raises OSError as `open_buffer` does."""
     path = f"/proc/{process}/fd/{file}"
     opened = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     try:

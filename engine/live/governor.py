@@ -1,8 +1,9 @@
 """Holds a frame rate: moves along a ladder of settings as load changes, down quickly, up only when the next rung fits.
 
-What counts is the time from asking for a viewer's pair to having it, waiting for a thread included, and of all viewers
-the slowest one's. A rung's time is predicted from the present one's and the ratio of their measured costs; where a
-climb has shown that it costs more here, that is remembered for a while. The clock is the caller's.
+It measures the time from the request for a viewer's pair until the pair is there, including the wait for a thread; the
+slowest viewer counts. The time on another rung is predicted from the time on the present one and the ratio of their
+costs. If a climb has shown that a rung costs more on this machine, that is remembered for a while. The caller provides
+the clock.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ __all__ = ["LADDER", "Governor", "Rung", "make_ladder"]
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """A point on the ladder; `cost` is a pair's, rendered and encoded, as ratio to `balanced`'s."""
+    """A point on the ladder; `cost`: time to render and encode a pair, relative to `balanced`."""
 
     name: str
     cost: float
     settings: Settings
 
 
-# Names, costs, presets and what is changed of them: points of the front that `farside bench --trade` prints, cheapest
+# Name, cost, preset, and changes to the preset: points of the front that `farside bench --trade` prints, cheapest
 # first, with the costs that it has measured.
 LADDER: tuple[tuple[str, float, str, Mapping[str, object]], ...] = (
     ("fast, half size", 0.20, "fast", {"output_scale": 0.5, "n_render": 3}),
@@ -42,10 +43,10 @@ LADDER: tuple[tuple[str, float, str, Mapping[str, object]], ...] = (
 
 
 def make_ladder(quality: str, **given: object) -> list[Rung]:
-    """The rungs up to a preset, cheapest first; what is `given` holds on all of them.
+    """The rungs up to the preset `quality`, cheapest first; the settings in `given` hold on all of them.
 
-    The model and the meshes are made as the preset has them, so that rungs differ only in what rendering reads. Raises
-    ValueError for the preset `paper`, which has no cheaper points.
+    The settings of the model and of the meshes are the preset's on all rungs: rungs differ only in settings that
+    rendering reads (`PER_PICTURE`). Raises ValueError for the preset `paper`, which has no cheaper points.
     """
     if quality not in QUALITIES:
         raise ValueError(
@@ -64,15 +65,16 @@ def make_ladder(quality: str, **given: object) -> list[Rung]:
 
 
 class Governor:
-    """Chooses the rung; begins at the top. Used by one thread."""
+    """Chooses the rung; begins at the top. Used by one thread. Raises ValueError for rungs that are not in ascending
+    order of cost, and for a target that is not positive."""
 
-    WINDOW = 9  # pictures of a viewer whose mean counts, the slowest of them left out: one hitch is no load
-    FEWEST = 3  # after which it may step down; where their median is far too slow it does not wait for the mean
-    FAR, SLOW, FITS = 1.3, 1.06, 0.88  # of the target's time: far too slow, too slow, and what a rung may take
-    DWELL_S = 1.5  # on a rung before a climb
-    TRIAL_S = 5.0  # within which falling back says that a rung costs more than thought
-    FORGET_S = 30.0  # after which half of that is forgotten
-    SILENT_S = 2.0  # after which a viewer does not count
+    WINDOW = 9  # number of a viewer's pictures in the mean, which leaves out the slowest: a single hitch is not load
+    FEWEST = 3  # number of pictures before a step down; if their median is far too slow, it does not wait for the mean
+    FAR, SLOW, FITS = 1.3, 1.06, 0.88  # shares of the target's time: far too slow, too slow, fast enough for a rung
+    DWELL_S = 1.5  # least time on a rung before a climb
+    TRIAL_S = 5.0  # a fall within this time after a climb shows that the rung costs more than predicted
+    FORGET_S = 30.0  # time after which half of that knowledge is forgotten
+    SILENT_S = 2.0  # a viewer without pictures for this time does not count
 
     def __init__(self, rungs: Sequence[Rung], target_fps: float) -> None:
         if not rungs or any(a.cost >= b.cost for a, b in itertools.pairwise(rungs)):
@@ -85,8 +87,8 @@ class Governor:
         self._times: dict[str, deque[float]] = {}
         self._seen: dict[str, float] = {}
         self._since = -math.inf  # when the rung was chosen
-        self._climb: tuple[float, float] | None = None  # when the last one was, and the time that it was to lead to
-        self._dearer: dict[int, tuple[float, float]] = {}  # rung -> when it was too dear, and how many times
+        self._climb: tuple[float, float] | None = None  # time of the last climb, and the predicted time of a pair
+        self._dearer: dict[int, tuple[float, float]] = {}  # rung -> when it was too expensive, and by what factor
         self._reason = "waiting for pictures"
 
     @property
@@ -95,7 +97,7 @@ class Governor:
         return self.rungs[self._at]
 
     def observe(self, viewer: str, seconds: float, now: float) -> bool:
-        """A viewer's pair took so long, at a time (s) of a clock; tells whether the rung has changed."""
+        """Note that a viewer's pair took `seconds`, at time `now` (s); returns whether the rung has changed."""
         self._times.setdefault(viewer, deque(maxlen=self.WINDOW)).append(seconds)
         self._seen[viewer] = now
         for name in [name for name, last in self._seen.items() if last < now - self.SILENT_S]:
@@ -109,11 +111,12 @@ class Governor:
         return self._rise(budget, now)
 
     def _latest(self) -> float:
-        """Median time of the last few pictures of the viewer for whom it is longest."""
+        """Median time of the last FEWEST pictures, for the viewer for whom it is longest."""
         return max(sorted(list(times)[-self.FEWEST :])[self.FEWEST // 2] for times in self._times.values())
 
     def _slowest(self, least: int) -> float | None:
-        """Mean time of the slowest viewer's pictures but the slowest; None where some viewer has too few of them."""
+        """Mean time of the slowest viewer's pictures, without the slowest one; None if a viewer has less than `least`.
+        """
         if not self._times or min(map(len, self._times.values())) < least:
             return None
         return max((sum(times) - max(times)) / (len(times) - 1) for times in self._times.values())
@@ -146,7 +149,7 @@ class Governor:
         return took * ratio * self._factor(rung, now) / self._factor(self._at, now)
 
     def _factor(self, rung: int, now: float) -> float:
-        """How many times dearer than its cost says a rung has proved to be."""
+        """The ratio of a rung's real cost, as a climb has shown, to its listed cost."""
         since, factor = self._dearer.get(rung, (now, 1.0))
         return float(factor ** (0.5 ** ((now - since) / self.FORGET_S)))
 
@@ -158,7 +161,8 @@ class Governor:
         return True
 
     def status(self, now: float) -> dict[str, Any]:
-        """Where it stands and why; milliseconds measured here and predicted elsewhere, None until there are some."""
+        """The present rung and the reason for it; milliseconds of a pair, measured on this rung and predicted for the
+        others, None until there are enough pictures."""
         took = self._slowest(self.FEWEST)
         times = [None if took is None else 1e3 * self._predicted(k, took, now) for k in range(len(self.rungs))]
         return {

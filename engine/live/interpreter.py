@@ -1,4 +1,4 @@
-"""Python where threads must not wait long for one another: turns at the interpreter, and collections of garbage."""
+"""Settings of Python for threads that must not wait long for one another: the switch interval, garbage collection."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from contextlib import asynccontextmanager
 __all__ = ["SETTLES_AFTER", "SWITCH_S", "responsive", "set_aside"]
 
 SWITCH_S = 0.0003  # how long a thread may keep the interpreter while another wants it; Python's default is 5 ms
-SETTLES_AFTER = (1, 2, 4, 8, 16)  # frames, after which objects are set aside: by then every kernel has been loaded
+SETTLES_AFTER = (1, 2, 4, 8, 16)  # objects are set aside after these frames: by the last, all kernels are loaded
 
 
 def set_aside() -> None:
-    """Let no collection look at the objects that there are: a full one would look through all that start-up made, the
-    compiler's and its kernels' too, tens of milliseconds with everything else at a stop."""
+    """Exclude all present objects from garbage collection. A full collection would visit every object from start-up,
+    including those of the compiler and the kernels, and stop all threads for tens of milliseconds."""
     gc.collect()
     gc.freeze()
 
 
 @asynccontextmanager
 async def responsive(frames: Callable[[], int]) -> AsyncIterator[None]:
-    """Short turns at the interpreter, and a garbage collector that does not look through what start-up made.
+    """A short switch interval, and a garbage collector that skips the objects from start-up, while the block runs.
 
-    Set aside are the objects that exist at once, and those that exist after a few `frames`, as kernels may be in this
-    process; then a collection takes less than a millisecond. For an event loop that must not wait for other threads.
+    Objects are set aside at once, and again after a few frames, because kernels may be loaded in this process; `frames`
+    returns the number of frames so far. Then a collection takes less than a millisecond. This is for an event loop that
+    must not wait for other threads.
     """
     before = sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_S)

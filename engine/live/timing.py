@@ -1,4 +1,4 @@
-"""What a live service knows about its own time: stage timings, rates, event-loop stalls."""
+"""Time measurements of a live service: stage timings, rates, event-loop stalls."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["Activity", "Longest", "Rate", "StallMonitor", "Timings"]
 
 
 class Timings:
-    """Milliseconds by stage; the newest hundreds are kept, few enough to sort. Used from the event loop only."""
+    """Milliseconds per stage; the newest `keep` of each are kept, few enough to sort. For the event loop only."""
 
     def __init__(self, keep: int = 200) -> None:
         self._keep = keep
         self._stages: dict[str, deque[float]] = {}
 
     def add(self, stages: Mapping[str, float], prefix: str = "") -> None:
-        """Record one duration for each of some stages."""
+        """Record one duration, milliseconds, for each stage in `stages`; `prefix` is put before their names."""
         for name, milliseconds in stages.items():
             self._stages.setdefault(prefix + name, deque(maxlen=self._keep)).append(milliseconds)
 
@@ -33,7 +33,7 @@ class Timings:
 
 
 def _quantile(ordered: Sequence[float], fraction: float) -> float:
-    """Between its neighbours, as NumPy does, which takes ten times as long for a few hundred numbers."""
+    """A quantile, interpolated as NumPy does, in a tenth of NumPy's time for a few hundred numbers."""
     place = fraction * (len(ordered) - 1)
     below = math.floor(place)
     above = min(below + 1, len(ordered) - 1)
@@ -41,33 +41,33 @@ def _quantile(ordered: Sequence[float], fraction: float) -> float:
 
 
 class Longest:
-    """The longest of some durations, milliseconds: of all in the last hour, or of the newest."""
+    """The longest of some durations, milliseconds, in the last hour or in a shorter time."""
 
     def __init__(self, keep_s: int = 3600) -> None:
         self._by_second: deque[tuple[int, float]] = deque(maxlen=keep_s)
 
     def add(self, milliseconds: float) -> None:
-        """Something took so long, and ended now."""
+        """Record a duration that ended now."""
         second = int(time.monotonic())
         if self._by_second and self._by_second[-1][0] == second:
             milliseconds = max(milliseconds, self._by_second.pop()[1])
         self._by_second.append((second, milliseconds))
 
     def over(self, seconds: float = math.inf) -> float:
-        """The longest that ended in so many seconds before now, or less than one before these; 0 where nothing did."""
+        """The longest duration that ended in the last `seconds` (rounded up to whole seconds of the clock); 0: none."""
         first = max(time.monotonic() - seconds, 0.0) // 1.0
         return max((longest for second, longest in self._by_second if second >= first), default=0.0)
 
 
 class Rate:
-    """Events a second over the last few seconds."""
+    """Events per second over the last few seconds."""
 
     def __init__(self, window_s: float = 5.0) -> None:
         self._window_s = window_s
         self._times: deque[float] = deque()
 
     def count(self) -> None:
-        """Something happened now."""
+        """Count an event now."""
         self._times.append(time.monotonic())
 
     def per_second(self) -> float:
@@ -81,7 +81,7 @@ class Rate:
 
 
 class Activity:
-    """Whether something runs, or did a while ago."""
+    """Whether something runs now, or ran a while ago."""
 
     def __init__(self) -> None:
         self._running = 0
@@ -89,7 +89,7 @@ class Activity:
 
     @contextmanager
     def running(self) -> Iterator[None]:
-        """Marks the time that it takes."""
+        """Marks the time of the `with` block as running."""
         self._running += 1
         try:
             yield
@@ -105,9 +105,9 @@ class Activity:
 class StallMonitor:
     """Measures how late the event loop wakes a sleeper up: overall, and while a background update runs.
 
-    Of a stall it tells what is the service's own: all but the time that the loop's thread waited for a core (Linux
-    knows), which is the load of the machine; and of that what the loop's thread was busy with itself, which is all but
-    waiting for the interpreter and for locks.
+    A stall is reported three ways. stall: in total. own_stall: without the time that the loop's thread waited for a
+    core (Linux schedstat), which is the load of the machine; the rest is caused by this service. busy: the CPU time of
+    the loop's thread, so without waiting for the interpreter and for locks.
     """
 
     KINDS = ("stall", "own_stall", "busy")
@@ -137,13 +137,14 @@ class StallMonitor:
                 self._longest[f"{kind}_during_update"].add(duration)
 
     def summary(self, seconds: float = math.inf) -> dict[str, float]:
-        """The longest of the last so many seconds, milliseconds; and how many seconds the loop's thread was busy."""
+        """The longest of each kind in the last `seconds`, milliseconds; loop_busy_s: the loop thread's CPU time so far.
+        """
         figures = {f"longest_{name}_ms": longest.over(seconds) for name, longest in self._longest.items()}
         return figures | {"loop_busy_s": self._busy_s}
 
 
 class _WaitingForCore:
-    """How long the calling thread has been runnable without running, as Linux counts it; nothing elsewhere."""
+    """How long the calling thread has been runnable without running, as Linux counts it; 0 on other systems."""
 
     def __init__(self) -> None:
         self._file: int | None = None

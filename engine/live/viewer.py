@@ -1,4 +1,4 @@
-"""One viewer of the live engine: its newest pose wins, what that overtakes is dropped and counted."""
+"""One viewer of the live engine: its newest pose wins, older ones are dropped and counted."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from .timing import Rate
 __all__ = ["IN_FLIGHT", "Deliver", "HeadPose", "LiveViewer", "Show"]
 
 Tag = TypeVar("Tag")
-IN_FLIGHT = 2  # pictures that may be on their way to a viewer that tells what it has seen
+IN_FLIGHT = 2  # pictures that may be on their way to a viewer, if it tells how many it has received
 
 
 @dataclass(frozen=True, slots=True)
 class HeadPose(Generic[Tag]):
-    """A pose at a time on the viewer's clock (s), velocity in m/s where known; `tag` comes back untouched.
+    """A pose at a time on the viewer's clock (s), with its velocity in m/s if known; `tag` is returned unchanged.
 
-    `seen` is how many pictures the viewer has received, where it tells: then a slow network queues none.
+    `seen`: the number of pictures that the viewer has received, None if it does not tell. With it, no pictures queue up
+    in a slow network.
     """
 
     pose: Pose
@@ -33,16 +34,17 @@ class HeadPose(Generic[Tag]):
     seen: int | None = None
 
 
-# What is done with the pair of a pose; made when the pair is asked for, so that it knows what was true then.
+# Called with a pose when its pair is requested; returns the function that delivers the pair, which so can hold the
+# state at the time of the request.
 Deliver = Callable[[HeadPose[Tag]], Callable[[EncodedPair], Awaitable[None]]]
 
 
 class Show(Protocol):
-    """What viewers see of the live engine."""
+    """The live engine as viewers use it."""
 
     @property
     def source(self) -> Source | None:
-        """What is on."""
+        """The source that is playing; None if there is none."""
 
     @property
     def shown(self) -> Core | None:
@@ -53,7 +55,7 @@ class Show(Protocol):
 
 
 class LiveViewer(Generic[Tag]):
-    """One viewer: its newest pose, what was rendered for it, and how fast its head moves."""
+    """One viewer: its newest pose, the number of pictures for it, and the speed of its head."""
 
     def __init__(self, show: Show, name: str, view: StereoView) -> None:
         self._show, self.name, self.view = show, name, view
@@ -66,7 +68,7 @@ class LiveViewer(Generic[Tag]):
         self.rate = Rate()
 
     def look(self, wanted: HeadPose[Tag]) -> None:
-        """The head has moved; a pose that was not rendered yet is dropped."""
+        """Take a new pose; a pose that was not rendered yet is dropped."""
         self.dropped += self._wanted is not None
         self._measure_speed(wanted)
         self._wanted = self._last = wanted
@@ -84,7 +86,8 @@ class LiveViewer(Generic[Tag]):
     async def run(
         self, encoding: str, deliver: Deliver[Tag], announce: Callable[[Source], Awaitable[None]]
     ) -> None:
-        """Have pairs rendered and encoded (`io.images.encode_picture`), and deliver them, until cancelled."""
+        """Request pairs (`encoding`: see `io.images.encode_picture`) and deliver them, until cancelled; `announce` each
+        new source first."""
         announced = None
         while True:
             await self.wake.wait()
@@ -95,7 +98,7 @@ class LiveViewer(Generic[Tag]):
                 await announce(source)
             core = self._show.shown
             if self._wanted is None or core is None or self._congested():
-                continue  # the next pose, frame or scene wakes
+                continue  # until the next pose, frame or source wakes it
             wanted, self._wanted = self._wanted, None
             send = deliver(wanted)
             pair = await self._show.picture(core, self.view, self.name, encoding)

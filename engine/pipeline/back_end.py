@@ -1,6 +1,6 @@
 """The back end (paper Fig. 3), once per video frame: update the current reference views, update the PBS, render PBIs.
 
-What it makes is the back buffer: swapped to the front when it is complete, never changed after that.
+Its result is the back buffer, which is swapped to the front when it is complete and never changes after that.
 """
 
 from __future__ import annotations
@@ -27,15 +27,16 @@ from .viewpoint import Look, Viewer, head_camera, scaled, selected
 
 __all__ = ["BackEnd", "BackEndReport"]
 
-_NEAR = 0.02  # of the depth range's near end: nearer to the head the PBI shows nothing
-# The PBI casts no rays where the first _STEADY_VIEWS selected views cover the picture, even from eyes that move _SWAY
-# metres more than their speed says. Only the first views count: they are still selected when the head has moved a bit.
+_NEAR = 0.02  # share of the depth range's near end; the PBI shows nothing nearer to the head
+# The PBI casts no rays where the first _STEADY_VIEWS selected views already cover the picture, even if the eye moves
+# _SWAY metres farther than its speed predicts. Only the first views count, because they are still selected when the
+# head has moved a little.
 _STEADY_VIEWS, _SWAY = 3, 0.02
 
 
 @dataclass(slots=True)
 class BackEndReport:
-    """What one video frame cost: milliseconds by stage, rays and triangles, and the background model's own report."""
+    """The cost of one video frame: milliseconds per stage, rays and triangles, and the background model's report."""
 
     frame_index: int
     stages: Stages
@@ -45,7 +46,10 @@ class BackEndReport:
 
 
 class BackEnd:
-    """Keeps what outlives a frame: the scene's scale, the background model, the views' tones. For one thread."""
+    """Keeps the state between frames: the scene's scale, the background model, the views' tones. For one thread.
+
+    f_vin: video frames per second.
+    """
 
     def __init__(self, cameras: Sequence[Camera], renderer: Renderer, f_vin: float) -> None:
         self.f_vin = f_vin
@@ -60,9 +64,9 @@ class BackEnd:
     ) -> tuple[FrontBuffer, BackEndReport]:
         """The back buffer of a frame, complete.
 
-        `look` is called twice: PBIs are rendered for where the heads are then, and at the end everything is made ready
-        that pictures draw where they have come to. speeds: of the heads, m/s. Raises ValueError for a frame that does
-        not fit the rig, which changes nothing.
+        `look` is called twice: first for the poses for which the PBIs are rendered; then, at the end, for the poses for
+        which the data of the next pictures are made ready. speeds: of the heads, m/s, by viewer. Raises ValueError, and
+        changes nothing, for a frame that does not fit the rig.
         """
         self._check(frame)
         stages = Stages()
@@ -98,7 +102,7 @@ class BackEnd:
                 )
 
     def _reference_views(self, frame: Frame, scene: Scene, settings: Settings) -> tuple[PreparedView, ...]:
-        """The current reference views; their meshes are made when they are first wanted."""
+        """The current reference views; their meshes are made when they are first used."""
         return tuple(
             PreparedView(
                 view, scene.triangulation(view.camera, settings), scene.origin, settings.completion, triangulator
@@ -107,7 +111,7 @@ class BackEnd:
         )
 
     def _follow_exposure(self, frame: Frame, present: ViewTable, scene: Scene, settings: Settings) -> F64 | None:
-        """The views' tones [n, 4, 4]; None where they are not followed."""
+        """The views' tones [n, 4, 4]; None if exposure is not followed."""
         if settings.exposure_s == 0.0 or len(self._cameras) == 1:
             return None
         if self._exposure is None:
@@ -119,7 +123,7 @@ class BackEnd:
     def _update_model(
         self, frame: Frame, tones: F64 | None, scene: Scene, settings: Settings
     ) -> UpdateReport | None:
-        """Update the PBS (section 3.3); None where no model is wanted."""
+        """Update the PBS (section 3.3); None if the settings want no background model."""
         if not settings.background:
             return None
         if self.model is None:
@@ -129,7 +133,7 @@ class BackEnd:
     def _make_pbis(
         self, viewers: Mapping[str, Viewer], speeds: Mapping[str, float], content: FrameContent, settings: Settings
     ) -> tuple[dict[str, PreparedView], int]:
-        """Each viewer's PBI (section 3.4.1), and the rays that all took; none without a background model."""
+        """Each viewer's PBI (section 3.4.1), and the number of rays for all; no PBI without a background model."""
         pbis: dict[str, PreparedView] = {}
         model, total = self.model, 0
         if model is None:
@@ -143,7 +147,7 @@ class BackEnd:
     def _make_pbi(
         self, model: BackgroundModel, viewer: Viewer, speed: float, content: FrameContent, settings: Settings
     ) -> tuple[PreparedView, int]:
-        """A viewer's PBI, and the rays that it took; speed in m/s."""
+        """A viewer's PBI, and the number of rays for it; `speed` of the head in m/s."""
         scene, moves = content.scene, speed / self.f_vin + _SWAY
         scale, margin = settings.pbi_scale, settings.pbi_margin_rad
         if isinstance(viewer, Camera):
@@ -156,7 +160,7 @@ class BackEnd:
         steady = [content.views[k] for k in self._selected(viewer, content, settings)[:_STEADY_VIEWS]]
         wanted = uncovered_cells(camera, steady, behind + moves, scene.origin)
         present = content.present if settings.backdrop == "standing" else None
-        # What lies between the imaginary camera and the head is not seen.
+        # Surfaces between the imaginary camera and the head must not be seen.
         near = behind + _NEAR * scene.coding.near
         image = model.render_pbi(camera, present, near=near, wanted=wanted)
         return PreparedView(image.view, scene.triangulation(camera, settings), scene.origin), image.rays
@@ -164,7 +168,7 @@ class BackEnd:
     def _warm(
         self, prepared: PreparedFrame, viewers: Mapping[str, Viewer], content: FrameContent, settings: Settings
     ) -> None:
-        """Make ready what each viewer's pictures draw: otherwise the first one would, and come late."""
+        """Make ready the data of each viewer's pictures; otherwise the first picture would, and would be late."""
         for viewer in viewers.values():
             small = scaled(viewer, settings)
             target = head_camera(small, content.scene)

@@ -25,9 +25,9 @@ __all__ = ["BackEndReport", "Engine", "Viewer"]
 class Engine:
     """Renders a rig's video for moving viewers and models the scene's background meanwhile.
 
-    `update` is called by one back-end thread; all that renders may run in other threads at the same time and always
-    shows the newest finished frame (double buffering, `pipeline.front_buffer`). f_vin: video frames a second. Pictures
-    are drawn by `renderer`, by default on the CPU. Raises ValueError for cameras without number or of too few pixels.
+    `update` is called by one back-end thread; rendering methods may run in other threads at the same time and always
+    show the newest finished frame (double buffering, `pipeline.front_buffer`). f_vin: video frames per second.
+    `renderer` draws the pictures; None: on the CPU. Raises ValueError for no cameras, or one of less than 4 x 4 pixels.
     """
 
     def __init__(
@@ -47,17 +47,17 @@ class Engine:
 
     @property
     def settings(self) -> Settings:
-        """How the next picture is rendered, and how the model is made."""
+        """The settings of the next picture and of the model."""
         return self._buffers.settings
 
     @property
     def front(self) -> FrontBuffer | None:
-        """What the next picture is rendered from; None before the first frame."""
+        """The front buffer, from which the next picture is rendered; None before the first frame."""
         return self._buffers.front
 
     @property
     def f_vin(self) -> float:
-        """Video frames a second that are expected: how long a PBI has to last."""
+        """Expected video frames per second: a PBI has to last for one frame."""
         return self._back_end.f_vin
 
     @f_vin.setter
@@ -66,13 +66,13 @@ class Engine:
 
     @property
     def frame_index(self) -> int | None:
-        """Index of the frame that is rendered now; None before the first."""
+        """Index of the frame that pictures show now; None before the first."""
         front = self.front
         return front.frame_index if front else None
 
     @property
     def tones(self) -> F64 | None:
-        """The tones [n, 4, 4] of the present views (`Exposure.tones`); None where they are not followed."""
+        """The tones [n, 4, 4] of the present views (`Exposure.tones`); None if exposure is not followed."""
         front = self.front
         return front.tones if front else None
 
@@ -82,10 +82,10 @@ class Engine:
         return self._back_end.model
 
     def retune(self, settings: Settings) -> None:
-        """Render from the next picture on with other settings, from any thread; nothing is built anew.
+        """Use other settings from the next picture on; any thread may call this, and nothing is rebuilt.
 
-        Raises ValueError where one differs that is not among `settings.PER_PICTURE`. Views that are drawn only now are
-        triangulated with the next picture, and from the next frame on in the back end.
+        Raises ValueError if a setting differs that is not in `settings.PER_PICTURE`. If more views are drawn than
+        before, the next picture has to triangulate them; from the next frame on the back end does it.
         """
         self._buffers.retune(settings)
 
@@ -95,8 +95,9 @@ class Engine:
     ) -> BackEndReport:  # fmt: skip
         """Take a frame: update the reference views and the background model, render each viewer's PBI, swap buffers.
 
-        viewers: where they look, by name, or a function that tells it, for heads that move meanwhile. speeds: of the
-        heads, m/s, for the PBI's margin. ValueError for a frame that does not fit the rig; it changes nothing.
+        viewers: where each viewer looks, by name, or a function that returns it, for heads that move meanwhile. speeds:
+        of the heads, m/s, for the PBI's margin. Raises ValueError, and changes nothing, for a frame that does not fit
+        the rig.
         """
         look = viewers if callable(viewers) else lambda: viewers or {}
         back, report = self._back_end.update(frame, look, speeds or {}, self.settings)
@@ -104,7 +105,7 @@ class Engine:
         return report
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
-        """Render both eyes from the newest frame; `viewer` names whose PBI is the backdrop.
+        """Render both eyes from the newest frame; `viewer`: the name of the viewer whose PBI is the backdrop.
 
         Raises ValueError before the first frame.
         """
@@ -118,11 +119,11 @@ class Engine:
         return render_encoded(self._newest(), view, viewer, encoding)
 
     def render_camera(self, camera: Camera, viewer: str | None = None) -> RenderedPicture:
-        """Render one virtual camera of any projection from the newest frame; ValueError before the first."""
+        """Render one virtual camera of any projection from the newest frame; ValueError before the first frame."""
         return render_camera(self._newest(), camera, viewer)
 
     def mesh(self) -> ColouredMesh:
-        """The background model as it is now; may be called from any thread. ValueError before the first frame."""
+        """The background model as it is now; any thread may call this. ValueError before the first frame."""
         if self.model is None:
             raise ValueError("mesh: there is no background model yet: no frame was received")
         return self.model.mesh()

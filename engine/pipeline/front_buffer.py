@@ -1,4 +1,4 @@
-"""The front buffer (paper Fig. 3): all that rendering reads, replaced as a whole when the next frame is ready."""
+"""The front buffer (paper Fig. 3): all data that rendering reads, replaced as a whole when the next frame is ready."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ __all__ = ["DoubleBuffer", "FrontBuffer"]
 
 @dataclass(frozen=True, slots=True)
 class FrontBuffer:
-    """One finished frame and how it is rendered; never changed, so that any number of threads may read it.
+    """One finished frame and the settings for rendering it. It never changes, so any number of threads may read it.
 
-    frame_index: of the video frame. content: its reference views, each viewer's PBI, and delta; prepared: the same as
-    the renderer has it. tones float64 [n, 4, 4]: of the views (`background.exposure`); None: they are not followed.
+    frame_index: of the video frame. content: its reference views, each viewer's PBI, and delta; prepared: the same,
+    prepared by the renderer. tones float64 [n, 4, 4]: of the views (`background.exposure`); None: exposure is not
+    followed.
     """
 
     frame_index: int
@@ -31,7 +32,7 @@ class FrontBuffer:
 class DoubleBuffer:
     """Double buffering (paper Fig. 3): pictures show the front buffer while the back end fills the next one.
 
-    Any thread may read; the back-end thread swaps. Settings of the next picture come from any thread.
+    Any thread may read, and may set the settings of the next picture; the back-end thread swaps.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -41,16 +42,16 @@ class DoubleBuffer:
 
     @property
     def settings(self) -> Settings:
-        """Those of the next picture."""
+        """The settings of the next picture."""
         return self._settings
 
     @property
     def front(self) -> FrontBuffer | None:
-        """What the next picture is rendered from; None before the first frame."""
+        """The front buffer, from which the next picture is rendered; None before the first frame."""
         return self._front
 
     def retune(self, settings: Settings) -> None:
-        """Render from the next picture on with other settings; ValueError for one that is fixed (`Settings`)."""
+        """Use other settings from the next picture on; ValueError if a setting differs that is not in `PER_PICTURE`."""
         with self._lock:
             settings.fixed_as_in(self._settings)
             self._settings = settings
@@ -58,6 +59,6 @@ class DoubleBuffer:
                 self._front = dataclasses.replace(self._front, settings=settings)
 
     def swap(self, back: FrontBuffer) -> None:
-        """The back buffer is complete: it is the front buffer from now on, with the newest settings."""
+        """Make the complete back buffer the front buffer, with the newest settings."""
         with self._lock:
             self._front = dataclasses.replace(back, settings=self._settings)

@@ -1,6 +1,6 @@
 """The front end (paper Fig. 3), once per pose: select views, then let the renderer draw from the front buffer.
 
-It reads the front buffer and nothing else: the back end may be at work on the next frame meanwhile.
+It reads only the front buffer, so the back end may work on the next frame meanwhile.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ T = TypeVar("T")
 def render_pair(
     front: FrontBuffer, view: StereoView, viewer: str | None, finish: Callable[[RenderedPicture], T]
 ) -> tuple[T, T, Stages]:
-    """Both eyes' pictures, finished in the threads that drew them (`PreparedFrame.render`), and the stage `select`."""
+    """Both eyes' pictures, each passed to `finish` in the thread that drew it (`PreparedFrame.render`), and the time of
+    the stage `select`."""
     view, stages = scaled(view, front.settings), Stages()
     with timed(stages, "select"):
         task = _task(front, view, view.eyes(front.content.scene.coding), viewer)
@@ -68,7 +69,8 @@ def _task(front: FrontBuffer, shown: Viewer, targets: tuple[Camera, ...], viewer
 
 
 def _tones(front: FrontBuffer, shown: Viewer) -> F64 | None:
-    """What brings the colours of each view, and of the model, to a picture's tone [n + 1, TONE_SIZE]."""
+    """The packed tones that convert the colours of each view, and of the model, to a picture's tone [n + 1, TONE_SIZE].
+    """
     if front.tones is None:
         return None
     target = head_camera(shown, front.content.scene)

@@ -1,4 +1,4 @@
-"""Offline rendering: a recording played through the engine as the live service would, pictures to files."""
+"""Offline rendering: plays a recording through the engine as the live service does, and writes pictures to files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .engine import BackEndReport, Engine, Viewer
 __all__ = ["OfflineRenderer", "RenderJob", "Targets", "summary"]
 
 STAGES = ("ingest", "triangulate", "background", "pbi", "warp", "fill", "total")
-# Stages of a picture as the engine measures them, by the stage that they are reported under.
+# The engine's stages of a picture -> the stages of the report.
 _PICTURE_STAGES = dict.fromkeys(("select", "warp", "backdrop", "shade", "antialias"), "warp") | {"fill": "fill"}
 
 Targets = Callable[[int], dict[str, Viewer]]  # output frame -> viewers by name
@@ -33,10 +33,10 @@ Targets = Callable[[int], dict[str, Viewer]]  # output frame -> viewers by name
 
 @dataclass(frozen=True, slots=True)
 class RenderJob:
-    """What to render: output frames [start, stop), the source views, and whether earlier frames are seen first.
+    """A job: output frames [start, stop) of `targets`, rendered from the source views of a recording.
 
-    With `history`, input frames before the first are played too, so that the background model knows at frame n
-    what it would know in a live run.
+    With `history`, the input frames before `start` are played first, so that the background model at frame n is the
+    same as in a live run.
     """
 
     recording: Recording
@@ -48,7 +48,7 @@ class RenderJob:
 
 
 class OfflineRenderer:
-    """Plays a job's frames in order and yields each output frame's pictures with a row of the report."""
+    """Plays a job's frames in order and yields each output frame's pictures and its row of the report."""
 
     def __init__(self, job: RenderJob, settings: Settings) -> None:
         self.job, self.settings = job, settings
@@ -175,7 +175,7 @@ class PictureWriter:
             self._files[path].write(np.ascontiguousarray(plane).data)
 
     def _write_mask(self, path: Path, picture: RenderedPicture) -> None:
-        """The picture with holes in light blue and what the backdrop filled tinted green."""
+        """Write the picture with holes in light blue, and pixels of the backdrop tinted green."""
         rgb = to_rgb(picture.texture)
         backdrop = picture.holes(warped=True) & ~picture.holes()
         rgb[backdrop] = rgb[backdrop] // 2 + np.array([0, 100, 0], np.uint8)

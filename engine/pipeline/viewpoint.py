@@ -1,4 +1,4 @@
-"""Viewers, as both halves of the pipeline see them: stereo heads and single cameras alike."""
+"""Viewers, for both halves of the pipeline: stereo heads, or single cameras."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ __all__ = ["Look", "Viewer", "head_camera", "scaled", "selected"]
 
 Viewer = StereoView | Camera
 V = TypeVar("V", StereoView, Camera, StereoView | Camera)
-Look = Callable[[], Mapping[str, Viewer]]  # where the viewers are at the moment of the call, by name; in any thread
+Look = Callable[[], Mapping[str, Viewer]]  # returns the present viewers by name; called in any thread
 
 
 def head_camera(viewer: Viewer, scene: Scene) -> Camera:
-    """One camera for all of a viewer's pictures."""
+    """One camera that stands for all of a viewer's pictures."""
     return viewer if isinstance(viewer, Camera) else Camera("head", viewer.left, viewer.pose, scene.coding)
 
 
@@ -31,7 +31,7 @@ def selected(viewer: Viewer, cameras: Sequence[Camera], scene: Scene, settings: 
 
 
 def scaled(viewer: V, settings: Settings) -> V:
-    """A viewer with the size of pictures that is rendered."""
+    """A viewer with the rendered size of pictures (`Settings.output_scale`)."""
     if settings.output_scale == 1.0:
         return viewer
     if isinstance(viewer, StereoView):

@@ -1,4 +1,4 @@
-"""Smooth outlines without drawing anything again: see `kernels.rendering.morphology`."""
+"""Smoothing of outlines in a finished picture: see `kernels.rendering.morphology`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["smooth_outlines"]
 
 
 def smooth_outlines(texture: Texture, disparity: npt.NDArray[np.float32], edge: float) -> Texture:
-    """A picture whose outlines are blended as far as they cover their pixels.
+    """A picture in which pixels at outlines are blended by the area that each side covers.
 
-    disparity [h, w] in 1/m, holes 0; `edge` is the disparity step at which the target's meshes are cut.
+    disparity [h, w] in 1/m, 0 in holes; `edge`: the disparity step at which the target's meshes are cut, 1/m.
     """
     h, w = disparity.shape
     marks, found = np.empty((h, w), np.uint8), np.empty((h, math.ceil(w / SPAN)), np.uint8)

@@ -27,13 +27,13 @@ from .tiles import EVERYWHERE, HoleMap, Tiles, new_tiles
 
 __all__ = ["Canvas"]
 
-_GREY = 512.0  # what is left where nothing was seen and nothing filled
+_GREY = 512.0  # code of pixels where nothing was drawn or filled
 
 
 class Canvas:
-    """A virtual camera's buffers, kept from picture to picture: fresh memory costs more than drawing.
+    """A virtual camera's buffers, kept from picture to picture because fresh memory costs more than drawing.
 
-    Not for two threads at once.
+    Only one thread may use it at a time.
     """
 
     def __init__(self, width: int, height: int) -> None:
@@ -44,7 +44,7 @@ class Canvas:
         self._nobody = np.zeros(shape, np.uint8)
         self._holes, self._found_holes = HoleMap(height, width), False
         self._open_tiles = new_tiles(height, width)
-        self._marks: npt.NDArray[np.uint8] | None = None  # pixels of a picture of half the size that are meant
+        self._marks: npt.NDArray[np.uint8] | None = None  # pixels of a picture of half the size that are drawn
         self._marked_tiles = EVERYWHERE
         self.planes = Planes(np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32))
         self._rasteriser = Rasteriser(height)
@@ -57,15 +57,16 @@ class Canvas:
 
     @property
     def buffer(self) -> DepthBuffer:
-        """What was drawn."""
+        """Disparity and winner of the pixels drawn so far."""
         return DepthBuffer(self.disparity, self.winner)
 
     def clear(self, marks: npt.NDArray[np.uint8] | None = None) -> None:
         """Forget the last picture's surfaces.
 
-        With `marks`, pixels of a picture of half the size, only what belongs to those is drawn and shaded.
+        With `marks`, pixels of a picture of half the size, only the samples of those pixels are drawn and shaded.
         """
-        # New ones, not the last picture's, which may be looked at still: pages of zeros come as they are touched.
+        # New arrays, as the last picture's may still be in use. They are cheap: the system provides pages of zeros
+        # when they are first touched.
         shape = self.disparity.shape
         self.disparity, self.winner = np.zeros(shape, np.float32), np.zeros(shape, np.uint8)
         self._found_holes = False
@@ -75,12 +76,13 @@ class Canvas:
             antialias.mark_tiles(marks, tile_kernels.TILE // 2, self._marked_tiles)
 
     def grey(self) -> None:
-        """Paint everything grey: what will be seen where nothing is drawn or filled."""
+        """Paint everything grey, the colour of pixels where nothing is drawn or filled."""
         for plane in self.planes:
             plane.fill(_GREY)
 
     def holes(self) -> HoleMap:
-        """Where nothing was drawn; valid until something is. Once they were asked for, only holes are drawn to."""
+        """The pixels where nothing was drawn, valid until something is. After the first call only holes may be drawn
+        to."""
         if self._found_holes:
             self._holes.shrink(self.disparity)
         else:
@@ -97,7 +99,7 @@ class Canvas:
         return marks
 
     def average(self, fine: Canvas) -> None:
-        """Take what is marked from a shaded canvas of twice the size that was cleared with marks."""
+        """Average the marked pixels from a shaded canvas of twice the size that was cleared with marks."""
         assert fine._marks is not None
         antialias.average_marked(fine._marks, fine.disparity, *fine.planes, *self.planes)
 
@@ -105,15 +107,16 @@ class Canvas:
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float,
         tiles: Tiles | None = None,
     ) -> int:  # fmt: skip
-        """Draw a view's mesh as view `number`; it wins a pixel where it is nearer by `margin` (disparity).
+        """Draw a view's mesh as view `number`; it wins a pixel where it is nearer by `margin` (disparity, 1/m).
 
-        With `tiles` only triangles that touch a marked one are drawn; without, of a view after the first, those that
-        may win a pixel. Returns the number of triangles drawn.
+        `near`: nothing nearer to the eye is drawn, metres. With `tiles`, only triangles that touch a marked tile are
+        drawn; without, all triangles of the first view, and of later views those that may win a pixel. Returns the
+        number of triangles drawn.
         """
         open_tiles = EVERYWHERE
         if number > 0 and tiles is None:
             open_tiles = self._open_tiles
-            if number == 1:  # what a later view changes lies in tiles that are open now
+            if number == 1:  # later views change only tiles that are open now
                 tile_kernels.mark_open_tiles(self.disparity, margin, open_tiles)
         tiles = self._marked_tiles if tiles is None else tiles
         if tiles.size and not tiles.any():
@@ -121,7 +124,7 @@ class Canvas:
         return self._rasteriser.draw(mesh, target, number, near, margin, self.buffer, tiles, open_tiles)
 
     def draw_holes(self, part: Part, views: Sequence[PreparedView], target: Target, near: float) -> int:
-        """Draw a part of the views into what is still empty; returns the number of triangles drawn."""
+        """Draw a part of the views into pixels that are still empty; returns the number of triangles drawn."""
         having = [number for number, view in enumerate(views) if part == "rims" or part in view.parts]
         if not having:
             return 0
@@ -132,12 +135,13 @@ class Canvas:
         self, backdrop: PreparedView, present: ViewTable | None, drawn: Sequence[int], target: Target, near: float,
         push: Delta, delta: Delta, *, holes_only: bool = False,
     ) -> int:  # fmt: skip
-        """Lay a backdrop behind what was drawn, by `push` farther away than it is (section 3.4.2).
+        """Lay a backdrop, moved away by `push`, behind the pixels drawn so far (section 3.4.2).
 
-        What one of the present views looks through is a ghost of the past and left out; where one that is not among
-        `drawn` has a surface on a hole's ray before the backdrop's, that is what is seen
-        (`kernels.rendering.backdrop`). Without `present` only depths decide. With `holes_only` it is drawn only near
-        holes. Returns the number of triangles drawn.
+        A surface of the backdrop is a ghost of the past, and is left out, if one of the `present` views sees past it.
+        If a present view that is not among `drawn` (indices of views) has a surface on a hole's ray before the
+        backdrop's surface, the hole shows it (`kernels.rendering.backdrop`). Without `present` only depths decide.
+        `near`: as in `draw`; delta: the culling tolerance. With `holes_only`, the backdrop is drawn only near holes.
+        Returns the number of triangles drawn.
         """
         tiles = self.holes().tiles if holes_only else self._marked_tiles
         self._backdrop.fill(0.0)
@@ -160,9 +164,10 @@ class Canvas:
         self, target: Target, views: ViewTable, n_views: int, blend: int, *, cubic: bool = False,
         prefilter: bool = False,
     ) -> None:  # fmt: skip
-        """Colour what was drawn; views after the first n_views are backdrops.
+        """Colour the drawn pixels from `views`, of which those after the first n_views are backdrops.
 
-        With `prefilter` colours come from views reduced to about the picture's own resolution (see `minification`).
+        At most `blend` views contribute to a pixel; `cubic`: with cubic interpolation. With `prefilter`, colours come
+        from views reduced to about the picture's resolution (see `minification`).
         """
         if self._marks is not None:
             antialias.keep_marked(self._marks, self.disparity)
@@ -182,7 +187,8 @@ class Canvas:
 
 
 def _others(present: ViewTable, drawn: Sequence[int], target: Target) -> npt.NDArray[np.int64]:
-    """Rows of the views that are not drawn, those nearest to the virtual camera first; as many as have a number."""
+    """Rows of the views that are not drawn, those nearest to the virtual camera first, as far as winners (uint8) can
+    name them."""
     distance = np.linalg.norm(present.rows[:, POSITION_SLICE] - target.packed[POSITION_SLICE], axis=1)
     distance[list(drawn)] = np.inf
     numbered = np.iinfo(np.uint8).max - len(drawn)

@@ -1,4 +1,4 @@
-"""Canvases that wait for the next picture of their size: fresh memory costs more than drawing."""
+"""Canvases kept for the next picture of their size, because fresh memory costs more than drawing."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ __all__ = ["CanvasPool"]
 
 
 class CanvasPool:
-    """Lends canvases to threads, and keeps those that came back, up to `limit_bytes` together.
+    """Lends canvases to threads, and keeps returned ones, up to `limit_bytes` together.
 
-    Beyond that, those that have not been used for the longest time are given up: viewers come with pictures of any
-    size, and leave again.
+    Beyond that, it frees those that have not been used for the longest time: viewers with pictures of any size come and
+    go.
     """
 
     def __init__(self, limit_bytes: int) -> None:
@@ -25,13 +25,13 @@ class CanvasPool:
 
     @property
     def idle_bytes(self) -> int:
-        """What the canvases take that nobody draws on."""
+        """Bytes of the canvases that are not lent."""
         with self._lock:
             return sum(canvas.nbytes for canvas in self._idle)
 
     @contextmanager
     def canvas(self, width: int, height: int) -> Iterator[Canvas]:
-        """A canvas of `width` x `height` pixels that no other thread has while the block runs."""
+        """A canvas of `width` x `height` pixels for this thread only while the `with` block runs."""
         canvas = self._take(height, width) or Canvas(width, height)
         try:
             yield canvas

@@ -1,4 +1,4 @@
-"""The renderer of this machine's CPU: kernels on all cores, an eye a thread."""
+"""The renderer on this machine's CPU: kernels on all cores, one thread per eye."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _STEREO_VIEWERS = 4  # stereo pairs that are rendered at the same time
 class CpuRenderer:
     """Draws with the kernels (`rendering.renderer.Renderer`); any number of threads may ask for pictures.
 
-    canvas_bytes: how much memory canvases may take that nobody draws on at the moment (`canvas_pool`).
+    canvas_bytes: limit of the memory for canvases that are not in use (`canvas_pool`).
     """
 
     def __init__(self, canvas_bytes: int = 2 << 30) -> None:
@@ -34,7 +34,7 @@ class CpuRenderer:
         self.other_eyes = ThreadPoolExecutor(_STEREO_VIEWERS, "farside-second-eye")
 
     def prepare(self, content: FrameContent) -> CpuFrame:
-        """The frame, whose PBIs' meshes are made now, those of the views when they are first wanted."""
+        """The prepared frame. The meshes of PBIs are made now, those of the views when they are first used."""
         for pbi in content.pbis.values():
             pbi.warm(("surface",))
         return CpuFrame(self, content)
@@ -45,13 +45,13 @@ class CpuRenderer:
 
 
 class CpuFrame:
-    """A frame as it is drawn here (`rendering.renderer.PreparedFrame`)."""
+    """A frame for drawing on the CPU (`rendering.renderer.PreparedFrame`)."""
 
     def __init__(self, renderer: CpuRenderer, content: FrameContent) -> None:
         self._renderer, self._content = renderer, content
 
     def warm(self, target: Camera, chosen: Sequence[int], settings: Settings) -> None:
-        """Make the chosen views' meshes and, with the setting `prefilter`, the sizes that `target` takes colours of."""
+        """Make the meshes of the chosen views and, with the setting `prefilter`, their reduced sizes for `target`."""
         views = [self._content.views[k] for k in chosen]
         for view in views:
             view.warm((*view.parts, "rims") if settings.rims else view.parts)
@@ -61,7 +61,7 @@ class CpuFrame:
     def render(self, task: PictureTask, finish: Callable[[RenderedPicture], T]) -> list[T]:
         """The finished pictures, each drawn in a thread of its own.
 
-        Two side by side cost less than one after the other on all threads.
+        Two pictures at the same time, each on half of the cores, take less time than one after the other on all cores.
         """
         threads, (first, *rest) = thread_count(), task.targets
         share = max(1, threads // len(task.targets))

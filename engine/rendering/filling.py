@@ -20,20 +20,20 @@ from .tiles import HoleMap, Tiles
 
 __all__ = ["fill", "rise_per_pixel"]
 
-_FADE_PX = 8.0  # how far structure is carried into a hole before half of it has faded into something smooth
-_LAYERS = 32  # pixels from the rim beyond which all is smooth
+_FADE_PX = 8.0  # distance from the rim, pixels, at which half of the structure has faded into smooth colours
+_LAYERS = 32  # distance from the rim, pixels, beyond which all is smooth
 _DISC = structure.disc_weights(2.5, 2.0)
-_BLOCK = 64  # pixels a side: a block without holes, beside none that has any, gives nothing to what fills them
-_FEW = 50_000  # elements of a level below which threads cost more than they bring
+_BLOCK = 64  # side of blocks, pixels: only blocks with holes, and their neighbours, contribute to the filling
+_FEW = 50_000  # elements of a level below which threads cost more time than they save
 
 Plane = npt.NDArray[np.float32]
 
 
 def rise_per_pixel(target: Camera, views: Sequence[Camera]) -> float:
-    """Disparity (1/m) by which what hides a hole is nearer than what goes on there, for each pixel between them.
+    """Disparity (1/m), per pixel of a hole's width, by which the surface that hid it is nearer than the one behind.
 
-    Two surfaces of disparities p and q part by (p - q) b f pixels for a viewer who is b metres from the camera that
-    saw them, f the pixels a radian; b is the farthest view's here.
+    Two surfaces with disparities p and q move apart by (p - q) b f pixels for a viewer b metres away from the camera
+    that saw them, with f pixels per radian. Here b is the distance of the farthest of the views.
     """
     position = np.array(target.pose.position)
     baselines = [float(np.linalg.norm(position - view.pose.position)) for view in views]
@@ -44,12 +44,12 @@ def fill(
     disparity: Plane, planes: tuple[Plane, Plane, Plane], rise: float, holes: HoleMap | None = None, *,
     structured: bool = True,
 ) -> I32:  # fmt: skip
-    """Colour the holes of [h, w] planes in place from their neighbourhood, farther surfaces first.
+    """Colour the holes of [h, w] planes in place from their neighbourhood, farther surfaces first (section 3.4.3).
 
-    Where disparity (1/m) is 0 nothing was drawn; somewhere something must have been. `holes`: where, if known.
-    `rise` tells what is hidden from what hides it (see `rise_per_pixel`). With `structured` what is hidden goes on
-    along its structure near its rims; otherwise all is smooth. Returns the holes' rows and columns int32 [n, 2] in
-    reading order.
+    Disparity (1/m) is 0 in holes; at least one pixel must have been drawn. `holes`: the holes, if known. `rise`
+    distinguishes the hidden surface from the one that hides it (see `rise_per_pixel`). With `structured`, the hidden
+    surface is continued along its structure near the rims; otherwise the filling is smooth. Returns the holes' rows and
+    columns int32 [n, 2] in reading order.
     """
     holes = holes or HoleMap.of(disparity)
     places, index = holes.listed(disparity)
@@ -64,7 +64,7 @@ def fill(
 
 
 def _smooth_level(disparity: Plane, planes: tuple[Plane, Plane, Plane], near: Tiles) -> Plane:
-    """The finest level of the pyramid, complete in blocks of pixels that are `near` holes."""
+    """The finest level of the pyramid, complete in the blocks with near != 0 (`HoleMap.neighbourhood`)."""
     levels = empty_levels(disparity.shape, kernels.CELL)
     kernels.first_level(disparity, *planes, near, _BLOCK // kernels.CELL, levels[0])
     for fine, coarse in itertools.pairwise(levels):

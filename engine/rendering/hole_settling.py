@@ -1,5 +1,5 @@
-"""What fills a hole stays while the head is still: noisy depth moves a hole's rim a little in every frame, and what is
-continued from there would crawl."""
+"""Keeps the filling of holes steady while the head is still. Otherwise it would crawl, because noisy depth moves a
+hole's rim a little in every frame, and the filling continues from the rim."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from ..support.array_types import F32
 
 __all__ = ["Settler"]
 
-_STAYS = 0.85  # of a pixel's last colour, each picture
-_CHANGE = 64.0  # codes by which a colour may differ from the last one and still count as the same: else it is news
-_SHIFT_PX = 0.5  # how far what is seen may have moved for the head to count as still
-_VIEWERS = 32  # whose holes are kept; those not seen for longest are forgotten
+_STAYS = 0.85  # weight of a pixel's last colour in each picture
+_CHANGE = 64.0  # codes: a colour that differs by less from the last one counts as the same, else as new
+_SHIFT_PX = 0.5  # the head counts as still if near things moved by less in the picture
+_VIEWERS = 32  # viewers whose holes are kept; those not seen for the longest time are forgotten
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,8 @@ class _Holes:
 
 
 class Settler:
-    """Remembers the filled holes of each viewer's last picture. Different viewers may come from different threads."""
+    """Remembers the filled holes of each viewer's last picture. Threads may use it at the same time for different
+    viewers."""
 
     def __init__(self) -> None:
         self._last: OrderedDict[str, _Holes] = OrderedDict()
@@ -40,11 +41,11 @@ class Settler:
     def settle(
         self, viewer: str, camera: Camera, near: float, holes: npt.NDArray[np.int32], planes: tuple[F32, F32, F32]
     ) -> None:
-        """Draw a filled picture's holes towards their colours in the viewer's last picture, in place.
+        """Pull the colours of a filled picture's holes towards those in the viewer's last picture, in place.
 
-        holes [n, 2]: their rows and columns in reading order; planes [h, w]; near: distance of near things in metres,
-        which tells how far the picture moves with the head. Nothing changes where the head has moved, or where a colour
-        is news.
+        holes int32 [n, 2]: their rows and columns in reading order; planes [h, w]; near: distance of near things,
+        metres, which gives the motion of the picture with the head. Nothing changes if the head has moved, nor in
+        pixels whose colour is new.
         """
         places = holes[:, 0].astype(np.int64) * camera.width + holes[:, 1]
         flat = [plane.reshape(-1) for plane in planes]
@@ -63,7 +64,7 @@ class Settler:
 
 
 def _is_still(last: Camera, camera: Camera, near: float) -> bool:
-    """Whether two pictures show things at the same places, up to half a pixel."""
+    """Whether two pictures show things at the same places, within half a pixel."""
     if last.projection != camera.projection:
         return False
     moved = math.dist(last.pose.position, camera.pose.position) / near

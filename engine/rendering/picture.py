@@ -22,14 +22,15 @@ from .tiles import HoleMap
 
 __all__ = ["render_picture"]
 
-_NEAR = 0.02  # of the depth range's near end: nearer to the eye nothing is drawn
+_NEAR = 0.02  # share of the depth range's near end; nothing nearer to the eye is drawn
 _MODEL = -1  # index of the background model's tone
 
 
 def render_picture(
     content: FrameContent, task: PictureTask, camera: Camera, canvases: CanvasPool, settler: Settler
 ) -> RenderedPicture:
-    """The picture of a virtual camera, drawn by the calling thread on a canvas of its own."""
+    """The picture of a virtual camera, drawn by the calling thread on a canvas of its own. `settler` keeps its filled
+    holes steady."""
     drawing = _Drawing(content, task, camera)
     with canvases.canvas(camera.width, camera.height) as canvas:
         drawing.warp(canvas)
@@ -60,7 +61,7 @@ class _Drawing:
             self.report.holes_warped = self.report.holes_backdrop = self._holes.fraction
 
     def lay_backdrop(self, canvas: Canvas) -> None:
-        """The viewer's PBI behind them, where there is one."""
+        """Lays the viewer's PBI, if there is one, behind the warped views (section 3.4.2)."""
         with timed(self.report.stages, "backdrop"):
             if self._pbi is not None:
                 self.report.warped += self._draw_backdrop(canvas, self._pbi, self._target)
@@ -68,7 +69,7 @@ class _Drawing:
                 self.report.holes_backdrop = self._holes.fraction
 
     def shade(self, canvas: Canvas, canvases: CanvasPool) -> None:
-        """Colours of all that was drawn; grey remains where nothing was and nothing will be filled."""
+        """Colours all drawn pixels; the others are grey if they will not be filled."""
         with timed(self.report.stages, "shade"):
             if not self._fills:
                 canvas.grey()
@@ -102,7 +103,7 @@ class _Drawing:
         return self._content.scene.triangulation(self._camera, self._settings).edge
 
     def _table(self) -> ViewTable | None:
-        """What colours come from: the chosen views, then the PBI and all present views; None where there is none."""
+        """The sources of colours: the chosen views, then the PBI and all present views; None if there are none."""
         views, tones = list(self._chosen), list(self._task.chosen)
         if self._pbi is not None:
             views += [self._pbi, *self._content.views]
@@ -117,8 +118,8 @@ class _Drawing:
         for number, prepared in enumerate(self._chosen):
             margin = (2 * prepared.options.tolerance + prepared.view.camera.depth.step) * shrink
             warped += canvas.draw(prepared.mesh(), target, number, self._near, margin)
-        # Depth that was not measured may be anywhere: it goes only where no view has measured a surface. So does the
-        # half pixel round everything that is known less well.
+        # Completed depth may be wrong, so it is drawn only where no view has measured a surface. The same holds for
+        # rims, the half pixel round surfaces.
         warped += canvas.draw_holes("doubtful", self._chosen, target, self._near)
         if self._settings.rims:
             warped += canvas.draw_holes("rims", self._chosen, target, self._near)
@@ -164,6 +165,6 @@ class _Drawing:
 
 
 def _rise(camera: Camera, views: Sequence[PreparedView], holes: float) -> float:
-    """What `fill` needs to tell what is hidden; holes that the views have themselves are hidden by nothing."""
+    """The `rise` for `fill`. The share of holes that the views have themselves counts as hidden by nothing."""
     invalid = float(np.mean([prepared.invalid_share for prepared in views] or [0.0]))
     return rise_per_pixel(camera, [prepared.view.camera for prepared in views]) / max(1.0 - invalid / holes, 1e-6)

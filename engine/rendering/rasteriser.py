@@ -1,4 +1,4 @@
-"""Drawing meshes into a virtual camera's disparity: which kernels with which room."""
+"""Drawing meshes into a virtual camera's disparity: chooses the kernels and provides their scratch memory."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["Rasteriser"]
 _NOTHING = np.empty((0, 0), np.float32)
 _BANDS = 16
 _CHUNKS = 4
-_FEW = 20000  # points and triangles below which threads cost more than they bring
+_FEW = 20000  # points and triangles below which threads cost more time than they save
 
 
 class _Kernels(NamedTuple):
@@ -37,7 +37,7 @@ _SERIAL = _Kernels(
 
 
 class Rasteriser:
-    """Draws into pictures of a height, with room kept from mesh to mesh. Not for two threads at once."""
+    """Draws into pictures of a height; keeps scratch memory from mesh to mesh. Only one thread may use it at a time."""
 
     def __init__(self, height: int) -> None:
         self._band_rows = max(1, math.ceil(height / _BANDS))
@@ -48,17 +48,18 @@ class Rasteriser:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of room that it keeps."""
+        """Bytes of scratch memory."""
         return self._lists.nbytes + self._screen.nbytes + self._nearer.nbytes
 
     def draw(
         self, mesh: Mesh, target: Target, number: int, near: float, margin: float, buffer: DepthBuffer, tiles: Tiles,
         open_tiles: Tiles = EVERYWHERE,
     ) -> int:  # fmt: skip
-        """Draw a mesh as view `number` where it is nearer by `margin` (1/m).
+        """Draw a mesh as view `number` where it is nearer by `margin` (1/m), and not before `near` (metres).
 
-        `tiles`, `open_tiles`: from `tiles.new_tiles`, where triangles are drawn and where a
-        later view's may win (`kernels.rendering.sorting`), or EVERYWHERE. Returns the number of triangles drawn.
+        `tiles`: where triangles are drawn; `open_tiles`: where triangles of a later view may win
+        (`kernels.rendering.sorting`); both from `tiles.new_tiles`, or EVERYWHERE. Returns the number of triangles
+        drawn.
         """
         camera, starts = target.packed, mesh.starts
         visible = np.empty(len(starts) - 1, np.int64)

@@ -1,7 +1,7 @@
-"""What draws pictures (paper section 3.4), as the pipeline knows it: a backend stands behind two protocols.
+"""The renderer (paper section 3.4), as the pipeline knows it: two protocols that a backend implements.
 
-The back end hands a frame to `Renderer.prepare`, and the front end asks the prepared frame for pictures. Threads,
-canvases and whatever lies in a device's memory belong to the renderer.
+The back end passes a frame to `Renderer.prepare`, and the front end asks the prepared frame for pictures. Threads,
+canvases and all data in a device's memory belong to the renderer.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class FrameContent:
 
     views: the reference views, in the order of the rig's cameras; present: the same, as kernels read them. pbis: the
     probable background image of each viewer (section 3.4.1), by the viewer's name. delta: the culling tolerance
-    (section 3.3.2), metres and 1/m, by which the backdrop is moved backwards; None without a background model.
+    (section 3.3.2), metres and 1/m, by which the backdrop is moved backwards; None if there is no background model.
     """
 
     scene: Scene
@@ -43,10 +43,10 @@ class FrameContent:
 class PictureTask:
     """Pictures of one viewer that are drawn from the same reference views.
 
-    targets: the virtual cameras, one or both eyes. viewer: whose PBI becomes the backdrop and whose filled holes
-    settle; None: neither. chosen: indices of the reference views that are warped, the most useful first. tones float64
-    [n + 1, TONE_SIZE]: what brings the colours of each reference view, and last of the model, to the pictures' tone;
-    None: nothing does.
+    targets: the virtual cameras, one or both eyes. viewer: the name of the viewer whose PBI becomes the backdrop and
+    whose filled holes are kept steady; None: neither is done. chosen: indices of the reference views that are warped,
+    the most useful first. tones float64 [n + 1, TONE_SIZE]: the packed tones that convert the colours of each reference
+    view, and last of the model, to the pictures' tone; None: no conversion.
     """
 
     targets: tuple[Camera, ...]
@@ -57,16 +57,16 @@ class PictureTask:
 
 
 class PreparedFrame(Protocol):
-    """A frame that a renderer can draw; what it holds is freed when nobody has it any more."""
+    """A frame that a renderer can draw; its memory is freed when the last reference to it is gone."""
 
     def warm(self, target: Camera, chosen: Sequence[int], settings: Settings) -> None:
-        """Make what pictures like `target` from the `chosen` views will draw; otherwise the first of them would."""
+        """Make now all data for pictures like `target` from the `chosen` views; otherwise the first one has to."""
 
     def render(self, task: PictureTask, finish: Callable[[RenderedPicture], T]) -> list[T]:
-        """What `finish` makes of each target's picture, in the order of the targets; called by any thread.
+        """The result of `finish` for each target's picture, in the order of the targets; called by any thread.
 
-        `finish` (encoding, for instance) is called once for each picture, for several at the same time, in threads of
-        the renderer's choice. What it raises is raised here.
+        `finish` (for instance encoding) is called once for each picture, in threads of the renderer's choice, for
+        several pictures at the same time. An exception that it raises is raised here.
         """
 
 
@@ -74,7 +74,7 @@ class Renderer(Protocol):
     """A backend that draws frames."""
 
     def prepare(self, content: FrameContent) -> PreparedFrame:
-        """Take a frame, its PBIs included; called by the back-end thread, while older frames are still drawn."""
+        """Prepare a frame with its PBIs; called by the back-end thread, while older frames are still drawn."""
 
     def close(self) -> None:
-        """End the threads; nothing is drawn any more."""
+        """End the threads; nothing can be drawn after this."""

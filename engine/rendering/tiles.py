@@ -1,4 +1,4 @@
-"""Tiles of a picture, by which what has to do with holes passes over the rest of it."""
+"""Tiles of a picture: with them, the processing of holes skips the rest of the picture."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ __all__ = ["EVERYWHERE", "HoleMap", "Tiles", "new_tiles"]
 
 Tiles = npt.NDArray[np.uint8]
 
-EVERYWHERE: Tiles = np.empty((0, 0), np.uint8)  # no tiles: nothing is passed over
+EVERYWHERE: Tiles = np.empty((0, 0), np.uint8)  # no tiles: nothing is skipped
 
 
 def new_tiles(height: int, width: int) -> Tiles:
-    """Tiles [ceil(height / TILE), ceil(width / TILE)] of a picture, none marked, as kernels read them."""
+    """Unmarked tiles [ceil(height / TILE), ceil(width / TILE)] of a picture, as kernels read them."""
     shape = math.ceil(height / TILE), math.ceil(width / TILE)
     return np.zeros(shape[0] * shape[1] + BEYOND, np.uint8)[:-BEYOND].reshape(shape)
 
 
 class HoleMap:
-    """How many pixels of each tile of a picture nothing was drawn to (disparity 0 or less)."""
+    """The number of holes (pixels with a disparity of 0 or less) in each tile of a picture."""
 
     def __init__(self, height: int, width: int) -> None:
         self.tiles = new_tiles(height, width)
@@ -34,43 +34,43 @@ class HoleMap:
 
     @classmethod
     def of(cls, disparity: F32) -> HoleMap:
-        """That of a picture [h, w]."""
+        """The map of a picture's disparity [h, w]."""
         holes = cls(*disparity.shape)
         holes.find(disparity)
         return holes
 
     def find(self, disparity: F32) -> None:
-        """Look at the whole picture."""
+        """Count the holes of the whole picture."""
         kernels.count_holes(disparity, self.tiles)
 
     def shrink(self, disparity: F32) -> None:
-        """Look again where there were holes; elsewhere there may be none by now."""
+        """Count again in tiles that had holes; new holes elsewhere are not possible."""
         kernels.recount_holes(disparity, self.tiles)
 
     @property
     def count(self) -> int:
-        """Pixels that nothing was drawn to."""
+        """Pixels where nothing was drawn."""
         return int(self.tiles.sum(dtype=np.int64))
 
     @property
     def fraction(self) -> float:
-        """Fraction of the picture that nothing was drawn to."""
+        """Fraction of the picture where nothing was drawn."""
         return self.count / self._pixels
 
     def listed(self, disparity: F32) -> tuple[I32, I32]:
-        """Rows and columns int32 [n, 2] of the holes in reading order, and int32 [h, w] with each one's number in that
-        list (anything elsewhere)."""
+        """Rows and columns int32 [n, 2] of the holes in reading order, and int32 [h, w] with each hole's number in that
+        list (undefined elsewhere)."""
         places, index = np.empty((self.count, 2), np.int32), np.empty(disparity.shape, np.int32)
         kernels.list_holes(disparity, self.tiles, places, index)
         return places, index
 
     def rims(self, disparity: F32, index: I32) -> I32:
-        """Numbers int32 [m], in `listed`'s index, of the holes that touch what was drawn, diagonally too."""
+        """Numbers int32 [m], in the index of `listed`, of the holes that touch a drawn pixel, also diagonally."""
         rims = np.empty(self.count, np.int32)
         return rims[: kernels.list_rims(disparity, self.tiles, index, rims)]
 
     def neighbourhood(self, block: int) -> Tiles:
-        """Blocks [rows, columns] of block x block tiles with holes, and those round them: 1, others 0."""
+        """Blocks [rows, columns] of block x block tiles: 1 for blocks with holes and their neighbours, others 0."""
         rows, columns = (math.ceil(size / block) for size in self.tiles.shape)
         padded = np.zeros((rows * block, columns * block), np.uint8)
         padded[: self.tiles.shape[0], : self.tiles.shape[1]] = self.tiles
