@@ -14,7 +14,15 @@ import numpy as np
 import pytest
 from farside.engine.geometry.embree import intersect_address
 from farside.engine.kernels.background import intersect_llvm, intersect_numpy
-from farside.engine.kernels.base import callbacks, lanes_numpy, live_arrays, memory, memory_numpy, simd_numpy
+from farside.engine.kernels.base import (
+    callbacks,
+    lanes_numpy,
+    live_arrays,
+    memory,
+    memory_numpy,
+    memory_scalars_llvm,
+    simd_numpy,
+)
 from numba import types
 from support import uncompiled_background, uncompiled_cases
 from support.rooms import camera_row
@@ -108,6 +116,38 @@ def test_single_numbers_are_read_and_written_within_their_array():
     with pytest.raises(IndexError, match="index 41 of 1 bytes each from byte 0 on, 8 of them"):
         memory_numpy.load_eight_u8(address, 41)
     np.testing.assert_array_equal(words[[0, 1, 4, 5]], [0, 1, 4, 5])
+
+
+def test_compiled_code_reads_and_writes_the_same_single_numbers():
+    llvm = memory_scalars_llvm
+    words = np.array([3, 2**63 + 2**40 + 5, 7, 9], np.uint64)
+    numbers, written = np.float32([0.5, -1.25, 3.0]), np.zeros(3, np.int32)
+
+    @numba.njit  # compiled anew each time: what is cached says nothing of the code that makes it
+    def read(address, floats):
+        return (
+            llvm.load_u8(address, 9), llvm.load_u16(address, 6), llvm.load_u32(address, 3), llvm.load_u64(address, 1),
+            llvm.load_i64(address, 1), llvm.load_eight_u8(address, 3), llvm.load_f32(floats, 1),
+            llvm.load_foreign_u32(address, 3), llvm.load_foreign_i64(address, 1),
+        )  # fmt: skip
+
+    @numba.njit
+    def write(address, integers):
+        llvm.or_u64(address, 2, numba.uint64(2**62 | 8))
+        llvm.add_i64_atomically(address, 3, -10)
+        llvm.store_foreign_i32(integers, 1, numba.int32(-4))
+
+    address, floats = live_arrays.address_of(words), live_arrays.address_of(numbers)
+    twin = memory_numpy
+    assert read(address, floats) == (
+        twin.load_u8(address, 9), twin.load_u16(address, 6), twin.load_u32(address, 3), twin.load_u64(address, 1),
+        twin.load_i64(address, 1), twin.load_eight_u8(address, 3), twin.load_f32(floats, 1),
+        twin.load_foreign_u32(address, 3), twin.load_foreign_i64(address, 1),
+    )  # fmt: skip
+    write(address, written.ctypes.data)
+    assert words[:3].tolist() == [3, 2**63 + 2**40 + 5, 2**62 + 15]
+    assert words.view(np.int64)[3] == -1
+    assert written.tolist() == [0, -4, 0]
 
 
 def test_only_callbacks_reach_memory_that_is_of_no_array():

@@ -136,7 +136,7 @@ def add_i64_atomically(typingctx: Any, address: Any, index: Any, value: Any) -> 
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         start = builder.add(args[0], builder.mul(args[1], ir.IntType(64)(8)))
-        builder.atomic_rmw("add", builder.inttoptr(start, args[2].type.asplace_of()), args[2], "monotonic")
+        builder.atomic_rmw("add", builder.inttoptr(start, args[2].type.as_pointer()), args[2], "monotonic")
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.int64), codegen
