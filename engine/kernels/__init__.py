@@ -1,6 +1,6 @@
-"""Compiled kernels over plain arrays and scalars; they hold no state and import nothing of ours.
+"""Compiled kernels over plain arrays and scalars; they hold no state and import no other room than `support`.
 
-Importing one of them sets up Numba's threading layer first, once for all.
+Importing any of them first sets up Numba's threading layer.
 """
 
 from ..support import runtime as _runtime  # noqa: F401 (the threading layer, before the first parallel kernel)

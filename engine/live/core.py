@@ -109,7 +109,7 @@ class LocalCore:
 
 
 def make_local_core(cameras: Sequence[Camera], settings: Settings) -> LocalCore:
-    """A core with an engine for a rig. The engine and its compiler are loaded here, so only in processes that render."""
+    """A core with an engine for a rig. Loads the engine and its compiler, so only processes that render call this."""
     from ..pipeline.engine import Engine
 
     return LocalCore(Engine(cameras, settings))

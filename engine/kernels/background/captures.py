@@ -1,4 +1,4 @@
-"""Colours of captures, at picture coordinates: what the PBI and exported meshes are coloured with.
+"""Colours of captures at picture coordinates, for the PBI and for exported meshes.
 
 A table of captures is int64 [n, CAPTURE_SIZE]: the addresses of a maximum depth image's planes, then its sizes.
 """
@@ -24,13 +24,13 @@ CAPTURE_SIZE = 8
 
 @inlined
 def _clamped(x: int, size: int, wraps: bool) -> int:
-    """Beyond the border the nearest sample, or the other side's where the picture wraps."""
+    """A column clamped to the picture, or wrapped round if the picture wraps."""
     return x % size if wraps else min(max(x, 0), size - 1)
 
 
 @serial
 def luma_at(capture: I64, u: float, v: float) -> float:
-    """Luma at (u, v), from those of the four pixels around that lie on the nearest one's surface."""
+    """Luma at (u, v), interpolated over those of the four pixels round it that lie on the nearest one's surface."""
     width, height, wraps = capture[WIDTH], capture[HEIGHT], capture[WRAPS] != 0
     x, y = u - 0.5, v - 0.5
     x0, y0 = math.floor(x), math.floor(y)
@@ -50,7 +50,7 @@ def luma_at(capture: I64, u: float, v: float) -> float:
 
 @serial
 def chroma_at(capture: I64, u: float, v: float) -> tuple[float, float]:
-    """Chroma at (u, v) of the picture, bilinear."""
+    """Chroma (cb, cr) at (u, v) of the picture, bilinear."""
     width, height, wraps = (capture[WIDTH] + 1) // 2, (capture[HEIGHT] + 1) // 2, capture[WRAPS] != 0
     x, y = 0.5 * u - 0.5, 0.5 * v - 0.5
     x0, y0 = math.floor(x), math.floor(y)

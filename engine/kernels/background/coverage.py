@@ -1,7 +1,7 @@
 """Which pixels of a view show something farther than an earlier view does (section 3.3.2).
 
-DepthViews are cut into blocks. What an earlier view says of a block's corners holds for all of it where both pictures
-show smooth surfaces there; only the other blocks, a few in a hundred, are looked at pixel by pixel.
+Views are divided into blocks. Where both pictures show smooth surfaces, the test of a block's corners in an earlier
+view holds for the whole block. Only the other blocks, a few percent, are tested pixel by pixel.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from ..base.tolerance import Delta, delta_at
 
 __all__ = ["BLOCK", "DepthView", "cover_cells", "keep_farther", "mark_smooth"]
 
-BLOCK = 8  # pixels; blocks share their corners, which are pixels of every eighth row and column, and of the last
-_REACH = 4  # blocks of an earlier picture, each way, that the image of a block may lie in
-_SMOOTH = 0.25  # share of delta by which a smooth block's depths may be off those between its corners
-# Outside a picture, by side.
+BLOCK = 8  # pixels; blocks share their corners: the pixels of every eighth row and column, and of the last ones
+_REACH = 4  # largest size, in blocks of an earlier picture in each direction, of the image of a block
+_SMOOTH = 0.25  # share of delta that a smooth block's depths may differ from the interpolation of its corners
+# The side on which a point is outside a picture.
 _LEFT, _RIGHT, _ABOVE, _BELOW, _UNKNOWN = 1, 2, 4, 8, 16
-_UNCLEAR, _KEPT, _CLEARED = range(3)  # what becomes of a block
+_UNCLEAR, _KEPT, _CLEARED = range(3)  # result for a block
 
 
 class DepthView(NamedTuple):
-    """A reference view's depth, as this module takes it."""
+    """The depth of a reference view, for this module."""
 
     codes: U16  # [h, w]
     camera: F64  # packed
@@ -60,16 +60,17 @@ def _interpolate(line: U16, between: F32) -> None:
 
 @serial(fastmath={"nnan", "nsz", "contract"})
 def _keep_worst(line: U16, upper: F32, lower: F32, share: float, worst: F32) -> None:
-    """The largest difference up to now of each column's codes from what lies between two rows."""
+    """Raises worst [w] to the difference of each column's code from the interpolation between two rows."""
     for x in range(line.shape[0]):
         worst[x] = max(worst[x], abs(np.float32(line[x]) - (upper[x] + share * (lower[x] - upper[x]))))
 
 
 @parallel
 def mark_smooth(codes: U16, coding: Coding, delta: Delta, smooth: U8) -> None:
-    """Sets smooth [ceil((h - 1) / BLOCK), ceil((w - 1) / BLOCK)] to 1 where a block's depths follow from its corners'.
+    """Sets smooth [ceil((h - 1) / BLOCK), ceil((w - 1) / BLOCK)] to 1 for smooth blocks, else 0.
 
-    Bilinearly, within a share of delta, and all are valid; else 0.
+    A block is smooth if all of its depths are valid and, within a share of delta, equal to the bilinear interpolation
+    of its corners.
     """
     h, w = codes.shape
     for row in numba.prange(smooth.shape[0]):
@@ -95,8 +96,8 @@ def mark_smooth(codes: U16, coding: Coding, delta: Delta, smooth: U8) -> None:
 
 @inlined
 def _farther(codes: U16, coding: Coding, wraps: bool, edge: float, u: float, v: float, limit: float) -> float:
-    """By how many metres a view's surface at (u, v) is farther than `limit`: of the four pixels around it the mean
-    where they are one surface, else the nearest. -inf where there are not four with a depth."""
+    """How much farther than `limit` a view's surface at (u, v) is, metres: the mean of the four pixels round it if they
+    are one surface, else the nearest pixel. -inf if one of the four has no depth."""
     h, w = codes.shape
     x0, y0 = math.floor(u - 0.5), math.floor(v - 0.5)
     inside = y0 >= 0 and y0 + 1 < h and (wraps or (x0 >= 0 and x0 + 1 < w))
@@ -119,9 +120,9 @@ def _look_at_corners(
     view: DepthView, coding: Coding, earlier: DepthView, earlier_coding: Coding, edge: float, delta: Delta, row: int,
     pixels: F64, images: F64, outside: I64,
 ) -> None:  # fmt: skip
-    """A row of blocks' corners in an earlier view: images [3, columns + 1] u, v and by how much it sees farther than
-    has to be, in units of delta; `outside`: on which sides they are outside its picture, or unknown. pixels: room as
-    large as images."""
+    """Projects a row of blocks' corners into an earlier view. images [3, columns + 1]: u, v, and how much farther than
+    the limit it sees there, in units of delta; outside [columns + 1]: the sides on which they are outside its picture,
+    or _UNKNOWN. pixels: scratch memory as large as images."""
     codes, camera = view.codes, earlier.camera
     h, w = codes.shape
     y = min(BLOCK * row, h - 1)
@@ -143,7 +144,7 @@ def _look_at_corners(
 
 @inlined
 def _smooth_around(smooth: U8, images: F64, below: F64, column: int) -> bool:
-    """Whether an earlier view is smooth round the image of a block, which has a moderate size."""
+    """Whether an earlier view is smooth round the image of a block, and the image has a moderate size."""
     u_low = min(min(images[0, column], images[0, column + 1]), min(below[0, column], below[0, column + 1]))
     u_high = max(max(images[0, column], images[0, column + 1]), max(below[0, column], below[0, column + 1]))
     v_low = min(min(images[1, column], images[1, column + 1]), min(below[1, column], below[1, column + 1]))
@@ -172,8 +173,9 @@ def _look_at_pixels(
     view: DepthView, coding: Coding, earlier: DepthView, earlier_coding: Coding, edge: float, delta: Delta,
     box: tuple[int, int, int, int], room: F64, keep: U8,
 ) -> int:  # fmt: skip
-    """What `keep_farther` does, of a block (first and last row and column, the last not included); returns the number
-    of pixels that were not cleared before. room: [2, 3, pixels of a block]."""
+    """`keep_farther` for one block, pixel by pixel. box: its first row, the row after its last, and the same of its
+    columns; room [2, 3, pixels of a block]: scratch memory. Returns the number of pixels that were not cleared before.
+    """
     codes, camera = view.codes, earlier.camera
     top, bottom, left, right = box
     pixels, images, count = room[0], room[1], 0
@@ -195,8 +197,8 @@ def _look_at_pixels(
 
 @inlined
 def _whole_block(smooth: U8, above: F64, below: F64, out_above: I64, out_below: I64, column: int) -> int:
-    """What its corners say of all of a smooth block: it is _KEPT, as it lies outside an earlier picture or behind what
-    that shows, or _CLEARED, or they tell nothing (_UNCLEAR)."""
+    """The result for a whole smooth block from its corners: _KEPT if it is outside an earlier picture or behind the
+    surfaces in it, _CLEARED if it is not, or _UNCLEAR if the corners do not tell."""
     a, b, c, d = out_above[column], out_above[column + 1], out_below[column], out_below[column + 1]
     if a & b & c & d:
         return _KEPT
@@ -214,9 +216,9 @@ def _whole_block(smooth: U8, above: F64, below: F64, out_above: I64, out_below: 
 def keep_farther(
     view: DepthView, coding: Coding, earlier: DepthView, earlier_coding: Coding, edge: float, delta: Delta, keep: U8
 ) -> int:
-    """Clears keep [h, w] where an earlier view sees the pixel's point, or something about as far or farther.
+    """Clears keep [h, w] where an earlier view sees the pixel's point, or a surface about as far or farther.
 
-    `edge`: a depth edge's step in codes of the earlier view. Returns how many pixels were looked at one by one.
+    `edge`: a depth edge's step in codes of the earlier view. Returns the number of pixels that were tested one by one.
     """
     h, w = keep.shape
     rows, columns = view.smooth.shape
@@ -230,7 +232,7 @@ def keep_farther(
                 view, coding, earlier, earlier_coding, edge, delta, row + k, room, below if k else above,
                 out_below if k else out_above,
             )  # fmt: skip
-        # The last row and column of blocks hold the last pixels; the others' belong to their neighbours.
+        # The last row and column of blocks include the last pixels; last pixels of other blocks belong to the next one.
         bottom = h if row + 1 == rows else BLOCK * (row + 1)
         for column in range(columns):
             left, right, found = BLOCK * column, w if column + 1 == columns else BLOCK * (column + 1), _UNCLEAR
@@ -246,8 +248,8 @@ def keep_farther(
 
 @parallel
 def cover_cells(codes: U16, camera: F64, coding: Coding, stride: int, others: F64, covered: U8) -> None:
-    """Sets the cells covered[k] [n, n] of the pictures of other cameras [k, CAMERA_SIZE] that the view's points fall
-    into; of its pixels only every stride-th both ways is looked at."""
+    """Sets the cells covered[k] [n, n] of the pictures of other cameras [k, CAMERA_SIZE] in which points of the view
+    lie. Only every stride-th pixel of the view in both directions is projected."""
     h, w = codes.shape
     n = covered.shape[1]
     for k in numba.prange(others.shape[0]):

@@ -1,7 +1,7 @@
-"""Foreground culling (section 3.3.2): which triangles rays from outside the scene find to be background.
+"""Foreground culling (section 3.3.2): rays from outside the scene find the triangles that are background.
 
-`mark_by_triangle` is the way by default: rays through points of the triangles. `mark_by_pixel` is the paper's: two rays
-a pixel, each followed by a complementary ray (Fig. 6a).
+`mark_by_triangle` is the default: rays through points of the triangles. `mark_by_pixel` is the paper's way: two rays
+per pixel, each followed by a complementary ray (Fig. 6a).
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from .surfaces import MARKS, WORDS, Triangles
 __all__ = ["OFFSETS", "SAMPLES", "SMALL_PX", "extent_px", "list_unmarked", "mark_by_pixel", "mark_by_triangle"]
 
 
-# From a pixel's centre into the two triangles that it owns in the quad to its north-east (Fig. 4), whichever of the two
-# diagonals divides that: they take turns, and where a corner lies across a depth edge, one triangle is left.
+# Offsets from a pixel's centre into the two triangles that it owns in the quad to its north-east (Fig. 4). They are
+# right for both diagonals: quads are divided by either in turn, and at a depth edge only one triangle may be left.
 OFFSETS = ((0.72, -0.47), (0.27, -0.54))
-# Two of the barycentric coordinates of points that stand for a triangle: the centroid first; for triangles that
-# are larger than some pixels in their own picture also points near corners and near the middles of sides.
+# Two of the barycentric coordinates of a triangle's sample points: first the centroid; then, for triangles larger than
+# some pixels in their own picture, points near the corners and near the middles of sides.
 _THIRD = 1.0 / 3.0
 SAMPLES = (
     (_THIRD, _THIRD), (0.8, 0.1), (0.1, 0.8), (0.1, 0.1), (0.45, 0.45), (0.45, 0.1), (0.1, 0.45),
 )  # fmt: skip
 SMALL_PX = 2.5
-_OUTSIDE, _FOREGROUND, _BACKGROUND = 0, 1, 2  # what a camera says of a point
+_OUTSIDE, _FOREGROUND, _BACKGROUND = 0, 1, 2  # a camera's verdict on a point
 
 
 @inlined
 def _mark_along(
     tracer: Tracer, query: int, camera: F64, u: float, v: float, delta: Delta, marks: I64, word: int, bits: int
 ) -> int:
-    """Marks the farthest triangle behind (u, v) and, by the complementary ray, all within delta around it; returns the
-    rays cast."""
+    """Marks the farthest triangle behind (u, v) and, by the complementary ray, all triangles from delta / 2 before it
+    to delta / 2 behind it; returns the number of rays."""
     x, y, z, dx, dy, dz, far, _length = outside_ray(camera, tracer.bounds, u, v)
     if not far > 0.0:
         return 0
@@ -69,11 +69,11 @@ def _mark_along(
 def mark_by_pixel(
     tracer: Tracer, query: int, camera: F64, stride: int, delta: Delta, marks: I64, word: int, bits: int
 ) -> int:
-    """Two rays for every stride-th pixel, every stride-th row, and their complementary rays; returns the number of rays
-    cast.
+    """Casts two rays, each with its complementary ray, for every stride-th pixel in both directions; returns the number
+    of rays.
 
-    `query` is a MarkQuery of the same table of marks, word and bits (one camera's: threads only ever set the
-    same bits, so that they cannot undo one another).
+    `query`: address of a MarkQuery with the same table of marks, word and bits. The bits are of one camera, so all
+    threads set the same bits and cannot undo one another's.
     """
     w, h = int(camera[WIDTH]), int(camera[HEIGHT])
     rays = 0
@@ -90,8 +90,8 @@ def mark_by_pixel(
 
 @inlined
 def _judge(tracer: Tracer, camera: F64, x: float, y: float, z: float, delta: Delta) -> int:
-    """What a camera says of a point: _OUTSIDE its picture; _FOREGROUND: something is farther by more than delta / 2;
-    _BACKGROUND: nothing is."""
+    """A camera's verdict on a point: _OUTSIDE its picture; _FOREGROUND if a surface is farther by more than delta / 2;
+    else _BACKGROUND."""
     u, v, depth = project_point(camera, x, y, z)
     if not (depth > 0.0 and u >= 0.0 and v >= 0.0 and u < camera[WIDTH] and v < camera[HEIGHT]):
         return _OUTSIDE
@@ -99,7 +99,7 @@ def _judge(tracer: Tracer, camera: F64, x: float, y: float, z: float, delta: Del
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     dx, dy, dz = dx / distance, dy / distance, dz / distance
     far = distance_to_exit(tracer.bounds, camera, dx, dy, dz)
-    # Only up to the point's neighbourhood: most rays meet nothing at all on their way.
+    # The ray ends near the point: most rays meet nothing on their way.
     reach = far - distance - max(0.5 * delta_at(delta, distance), ROUNDING * distance)
     if not reach > 0.0:
         return _BACKGROUND
@@ -109,7 +109,7 @@ def _judge(tracer: Tracer, camera: F64, x: float, y: float, z: float, delta: Del
 
 @inlined
 def extent_px(mesh: Triangles, a: int, b: int, c: int) -> float:
-    """The larger side, in pixels, of the upright box round the triangle of three points in its own picture."""
+    """The larger side, in pixels, of the bounding box of the triangle of points a, b and c in its own picture."""
     uv = mesh.uv
     return max(
         max(uv[a, 0], uv[b, 0], uv[c, 0]) - min(uv[a, 0], uv[b, 0], uv[c, 0]),
@@ -121,11 +121,12 @@ def extent_px(mesh: Triangles, a: int, b: int, c: int) -> float:
 def mark_by_triangle(
     tracer: Tracer, cameras: F64, order: I64, run: int, mesh: Triangles, which: I64, delta: Delta, marks: U64
 ) -> int:
-    """Gives triangles `which` [n] the mark of the first camera that has one as background; returns the rays cast.
+    """Gives each of the triangles `which` [n] the mark of the first camera that finds it to be background; returns the
+    number of rays.
 
-    A triangle is background where nothing lies more than delta / 2 behind one of its sample points, as a camera sees
-    it. Cameras (packed, [cameras, CAMERA_SIZE]) are asked in the given order; with run > 0, every `run` triangles begin
-    with the next one, so that each camera gets its share.
+    A triangle is background if, as seen from a camera, nothing lies more than delta / 2 behind one of its sample
+    points. Cameras (packed, [cameras, CAMERA_SIZE]) are asked in the given order; with run > 0, the first camera is the
+    next one after every `run` triangles, so that each camera gets its share of the marks.
     """
     rays = 0
     for i in numba.prange(which.shape[0]):
@@ -154,7 +155,7 @@ def mark_by_triangle(
 
 @serial
 def list_unmarked(marks: U64, invalid: U8, numbers: I64) -> int:
-    """Write the numbers of valid triangles (invalid [m] 0) without any bit in marks [m, words]; returns how many."""
+    """Writes the numbers of valid triangles (invalid [m] 0) without a bit in marks [m, words]; returns their count."""
     count = 0
     for i in range(invalid.shape[0]):
         found = np.uint64(invalid[i])

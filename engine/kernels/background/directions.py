@@ -1,7 +1,7 @@
-"""Directions round a camera, in cells of equal solid angle: how far away geometry has changed in each of them.
+"""Directions round a camera, in cells of equal solid angle, with the distance of changed geometry in each cell.
 
-A direction's row follows from its z, its column from a stand-in for its angle about z that needs no trigonometry. What
-is asked of a cone of directions may find some too many, never one too few.
+A direction's row is computed from its z, its column from a substitute for its angle about z that needs no trigonometry.
+The cells of a cone of directions may be too many, but never too few.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from .surfaces import Triangles
 __all__ = ["COLUMNS", "ROWS", "forget_marks", "note_directions"]
 
 ROWS, COLUMNS = 128, 256
-_NARROW = 0.5  # sine up to which arcs are bounded by _ARC times their sine, and cosine of a cone that is everywhere
+# Arcs with a sine up to _NARROW are bounded by _ARC times their sine; a cone with a cosine up to _NARROW counts as all
+# directions.
+_NARROW = 0.5
 _ARC = 1.05
-_ROOM = 2e-3  # for the rounding of float32 rays; of distances, a share
+_ROOM = 2e-3  # for the rounding of float32 rays: an angle, and a share of distances
 
 
 @inlined
@@ -35,8 +37,8 @@ def _direction(camera: F64, points: F32, i: int) -> tuple[float, float, float, f
 
 @inlined
 def _cells(camera: F64, points: F32, a: int, b: int, c: int) -> tuple[int, int, int, int, float, float]:
-    """First row, last row, first column and number of columns of the cells in which a triangle is seen; bounds of its
-    distance."""
+    """First row, last row, first column and number of columns of the cells in which a triangle is seen; then the least
+    and the largest distance of it."""
     ax, ay, az, ad = _direction(camera, points, a)
     bx, by, bz, bd = _direction(camera, points, b)
     cx, cy, cz, cd = _direction(camera, points, c)
@@ -44,22 +46,22 @@ def _cells(camera: F64, points: F32, a: int, b: int, c: int) -> tuple[int, int, 
     x, y, z = ax + bx + cx, ay + by + cy, az + bz + cz
     length = math.sqrt(x * x + y * y + z * z)
     x, y, z = x / length, y / length, z / length
-    # The cone round the middle that holds all three corners holds the triangle.
+    # The cone round the middle that contains all three corners contains the triangle.
     ac, bc, cc = x * ax + y * ay + z * az, x * bx + y * by + z * bz, x * cx + y * cy + z * cz
     cosine = min(ac, bc, cc)
     if not cosine > _NARROW:
         return 0, ROWS - 1, 0, COLUMNS, 0.0, far
-    near = min(ad * ac, bd * bc, cd * cc)  # along the middle direction all of it is as far as a corner
+    near = min(ad * ac, bd * bc, cd * cc)  # along the middle direction, no point is nearer than the nearest corner
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0)) + _ROOM
     flat = math.sqrt(x * x + y * y)
     low, high = z * cosine - flat * sine - _ROOM, z * cosine + flat * sine + _ROOM
-    if flat <= sine:  # round a pole
+    if flat <= sine:  # the cone contains a pole
         low, high = (low, 1.0) if z > 0.0 else (-1.0, high)
     first = max(int((low + 1.0) * (0.5 * ROWS)), 0)
     last = min(int((high + 1.0) * (0.5 * ROWS)), ROWS - 1)
     if sine > _NARROW * flat:
         return first, last, 0, COLUMNS, near, far
-    angle = y / (abs(x) + abs(y))  # grows with the true one, and no faster; 4 is a full turn
+    angle = y / (abs(x) + abs(y))  # grows with the true angle, and no faster; 4 is a full turn
     angle = angle + 1.0 if x >= 0.0 else 3.0 - angle
     half = _ARC * sine / flat
     left = math.floor((angle - half) * (0.25 * COLUMNS))
@@ -86,8 +88,8 @@ def note_directions(cameras: F64, mesh: Triangles, which: I64, cells: F32) -> No
 def forget_marks(
     camera: F64, mesh: Triangles, cells: F32, delta: Delta, marks: U64, word: int, bit: np.uint64
 ) -> None:
-    """Takes a camera's bit from marks [m, words] of triangles that lie nearer, by delta / 2, than a cell [ROWS,
-    COLUMNS] in which it sees them says."""
+    """Clears a camera's bit in marks [m, words] of the triangles that are nearer, by more than delta / 2, than the
+    changed geometry in one of the cells [ROWS, COLUMNS] in which the camera sees them."""
     for i in numba.prange(marks.shape[0]):
         points, triangles = mesh.points, mesh.triangles
         if marks[i, word] & bit == 0:

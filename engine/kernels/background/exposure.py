@@ -1,7 +1,7 @@
-"""Exposure: samples of surfaces that two views see, and what they say of the views' tones.
+"""Exposure: samples of surfaces that two views see, and the tones of views that follow from them.
 
-A tone here is float64 [3, 3], of luma, cb and cr relative to black and grey (64, 512, 512): the gain, offset and tint
-(share of the luma; 0 for luma itself) with which a view renders the common luma and chroma.
+A tone here is float64 [3, 3]: for each of luma, cb and cr, relative to black and grey (64, 512, 512), the gain, offset
+and tint (share of the luma; 0 for luma itself) with which a view renders the common luma and chroma.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ __all__ = ["gather_samples", "solve_tones", "weigh_samples"]
 BLACK, GREY = 64.0, 512.0
 _CODES, _Y, _CB, _CR = range(4)  # columns of the addresses of views
 _DARKEST, _BRIGHTEST = 72, 920  # luma codes within which a sensor is neither blocked up nor clipped
-_REACH = 2  # pixels that a sample keeps away from depth edges, and from its picture's border
-_LEAST_SCALE = 1.0  # code values: residuals are not judged more finely
-# Conjugate gradients end where the square of what is left to explain has fallen to this share, or after so many times
-# the turns that would do without rounding.
+_REACH = 2  # distance of samples from depth edges and from the border of the picture, pixels
+_LEAST_SCALE = 1.0  # least scale of residuals, codes
+# Conjugate gradients end when the square of the residual has fallen to the share _SOLVED, or after _TURNS times the
+# number of iterations that would be enough without rounding.
 _SOLVED, _TURNS = 1e-24, 4
 _SCALES = 2.0  # residual, in robust standard deviations, at which a sample has lost three quarters of its weight
 
 
 @serial
 def _surface(row: F64, codes: int, u: float, v: float) -> float:
-    """Depth code round (u, v), -1 where there is a depth edge, no depth, or the picture's border."""
+    """Depth code at (u, v); -1 near a depth edge, a pixel without depth, or the border of the picture."""
     width, height = int(row[WIDTH]), int(row[HEIGHT])
     x, y = int(u), int(v)
     if not (x >= _REACH and y >= _REACH and x < width - _REACH and y < height - _REACH):
@@ -62,7 +62,7 @@ def _bilinear(plane: int, width: int, height: int, u: float, v: float) -> float:
 
 @serial
 def _colour(row: F64, planes: I64, u: float, v: float, out: F32) -> bool:
-    """Luma, cb and cr at (u, v), relative to black and grey; False where luma is at an end of its range."""
+    """Writes luma, cb and cr at (u, v), relative to black and grey; returns False if luma is at an end of its range."""
     width, height = int(row[WIDTH]), int(row[HEIGHT])
     luma = _bilinear(planes[_Y], width, height, u, v)
     if luma < _DARKEST or luma > _BRIGHTEST:
@@ -80,7 +80,7 @@ def gather_samples(
 ) -> None:  # fmt: skip
     """Colours of surfaces that both views of a pair see, at a grid of columns x rows of the first one's pixels.
 
-    table and addresses: see `kernels.base.view_table`; pairs [p, 2]: rows of these; due: the pairs that are looked at.
+    table and addresses: see `kernels.base.view_table`; pairs [p, 2]: rows of these; due: the pairs that are sampled.
     samples [p, columns * rows, 2, 3]: luma, cb, cr of both, relative to black and grey; the first counts[p] are filled.
     """
     for turn in numba.prange(due.shape[0]):
@@ -89,7 +89,7 @@ def gather_samples(
         here, there = table[a], table[b]
         width, height, count = int(here[WIDTH]), int(here[HEIGHT]), 0
         for k in range(columns * rows):
-            # The corner that four pixels and one chroma sample share in the middle: their mean is the colour.
+            # The common corner of four pixels, in the middle of their chroma sample: their mean is the colour.
             u = 2.0 * int((k % columns + 0.5) * width / (2.0 * columns)) + 1.0
             v = 2.0 * int((k // columns + 0.5) * height / (2.0 * rows)) + 1.0
             code = _surface(here, addresses[a, _CODES], u, v)
@@ -121,10 +121,10 @@ def _common_luma(tone: F64, luma: float) -> float:
 def weigh_samples(samples: F32, counts: I64, nodes: I64, tones: F64, information: F64, evidence: F64) -> None:
     """Robust normal equations of each pair and channel, for the difference of the two tones.
 
-    samples, counts: see `gather_samples`; nodes [p, 2]: rows of tones [n, 3, 3], the present estimate. A colour that
-    two views a and b render differs by (tone_a - tone_b) . (common value, 1, common luma), the common value being the
-    mean of what both come to by the present estimate: symmetric, so that noise does not flatten the gains.
-    information [p, 3, 3, 3] and evidence [p, 3, 3]: of channels, the weighted sums of basis x basis and of
+    samples, counts: see `gather_samples`; nodes [p, 2]: rows of tones [n, 3, 3], the present estimate. The colours that
+    two views a and b render differ by (tone_a - tone_b) . (common value, 1, common luma). The common value is the mean
+    of both views' values after the present tones are removed: this is symmetric, so noise does not reduce the gains.
+    information [p, 3, 3, 3] and evidence [p, 3, 3]: for each channel, the weighted sums of basis x basis and of
     basis x difference, in units of the pair's noise. Weights are Geman's and McClure's.
     """
     for p in numba.prange(nodes.shape[0]):
@@ -162,19 +162,19 @@ def weigh_samples(samples: F32, counts: I64, nodes: I64, tones: F64, information
 def solve_tones(
     information: F64, evidence: F64, nodes: I64, weights: F64, precision: F64, off: F64
 ) -> None:
-    """Least squares over all pairs: how the tones off [n, 3, 3] lie off the neutral one.
+    """Least squares over all pairs: the differences `off` [n, 3, 3] of the tones from the neutral tone.
 
-    information, evidence, nodes [p, 2]: see `weigh_samples`; a node n or more is no unknown. weights [p]; precision
-    [3]: of gain, offset and tint about what is expected, which `off` holds at first. By conjugate gradients (Hestenes
-    and Stiefel 1952), preconditioned by each tone's own block: a view has few pairs, so the work grows with the views,
-    not with their cube.
+    information, evidence, nodes [p, 2]: see `weigh_samples`; a node of n or more is not an unknown. weights [p]: of the
+    pairs; precision [3]: of gain, offset and tint about the expected values, which `off` holds at first. The solver is
+    conjugate gradients (Hestenes and Stiefel 1952), preconditioned by the block of each tone: a view has few pairs, so
+    the work grows with the number of views, not with its cube.
     """
     count = off.shape[0]
     for channel_ in numba.prange(3):
         channel = np.int64(channel_)
         told, tones, blocks = information[:, channel], off[:, channel], np.zeros((count, 3, 3))
         step, towards, pulled = np.zeros((count + 1, 3)), np.zeros((count, 3)), np.zeros((count, 3))
-        step[:count] = tones  # what is expected: of the normal equations only what pairs tell is left
+        step[:count] = tones  # the expected tones: the residual then has only the pairs' part of the normal equations
         _pull(told, nodes, weights, step, pulled)
         rest = -pulled
         for p in range(nodes.shape[0]):
@@ -203,7 +203,8 @@ def solve_tones(
 
 @serial
 def _pull(information: F64, nodes: I64, weights: F64, tones: F64, pulled: F64) -> None:
-    """How pairs (information [p, 3, 3]) pull at tones [n + 1, 3], of which the last, that of nodes n or more, is 0."""
+    """pulled [n + 1, 3]: the product of the pairs' matrix (information [p, 3, 3]) with tones [n + 1, 3]. The last row
+    is of all nodes n or more, and is 0."""
     count = tones.shape[0] - 1
     pulled[:] = 0.0
     for p in range(nodes.shape[0]):

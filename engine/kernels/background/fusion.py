@@ -1,8 +1,9 @@
-"""Temporal fusion: the mean of what a maximum depth image's camera sees again and again.
+"""Temporal fusion: the mean of a surface that a maximum depth image's camera sees again and again.
 
-Where depth flickers, the maximum over many frames strays by some standard deviations, and each of its pixels holds one
-frame's error. Instead, pixels where a new view shows the same surface again take a recursive mean; what is farther by a
-nontrivial amount still replaces it, and what is nearer is somebody before it. Not in the paper.
+Where depth flickers, the maximum over many frames is too far by some standard deviations, and each pixel has the error
+of a single frame. Instead, a pixel takes a recursive mean where a new view shows the same surface again. A surface that
+is farther by a nontrivial amount still replaces it; a nearer one is something in front and is ignored. This is not in
+the paper.
 """
 
 from __future__ import annotations
@@ -35,14 +36,15 @@ from .surfaces import Triangles
 
 __all__ = ["COLOUR_FRAMES", "DEPTH_FRAMES", "fuse_maximum_depth", "settle_points"]
 
-# How many frames a mean may hold: with more it would follow nothing any more. Colours change sooner, with light and
-# shadow, and a first one that was mixed with someone's who was about to leave is soon forgotten.
+# Largest number of frames in a mean; with more, the mean would hardly follow changes. It is lower for colours: they
+# change with light and shadow, and a first colour that was mixed with that of a leaving person is soon forgotten.
 DEPTH_FRAMES, COLOUR_FRAMES = 32, 8
 
 
 @inlined
 def _toward(old: int, new: int, count: int, chance: float) -> int:
-    """The mean of `count` codes, the new one among them; rounded by chance, or small differences would never count."""
+    """The mean of `count` codes including the new one. It is rounded at random (`chance`), as otherwise small
+    differences would never have an effect."""
     return int(old + math.floor((np.int32(new) - np.int32(old)) / count + chance))
 
 
@@ -52,9 +54,9 @@ def fuse_maximum_depth(
 ) -> None:
     """Takes the mean where the new view shows the same surface: neither is farther by a nontrivial amount.
 
-    fused [h, w]: how many views a pixel's mean holds, at most DEPTH_FRAMES. Colours beside something nearer are left
-    alone, chroma where not all pixels that share it show the same surface. A call looks at every PHASES-th pair of
-    rows; `number` counts up. Otherwise as `update_maximum_depth`.
+    fused [h, w]: the number of views in a pixel's mean, at most DEPTH_FRAMES. Colours next to something nearer stay,
+    and so does chroma unless all pixels that share it show the same surface. A call processes every PHASES-th pair of
+    rows; `number` counts the calls. Other arguments: see `update_maximum_depth`.
     """
     new_codes, new_y, new_cb, new_cr = new.codes, new.y, new.cb, new.cr
     codes, y, cb, cr, by_code = known.codes, known.y, known.cb, known.cr, rules.by_code
@@ -95,17 +97,17 @@ def fuse_maximum_depth(
 
 @inlined
 def _code_at(depth: float, rules: Rules) -> int:
-    """The code of a depth, within all codes; 0 where that is no number."""
+    """The code of a depth, clipped to the range of codes; 0 for NaN."""
     code = (1.0 / depth - rules.offset) / rules.step + 0.5
     return int(min(code, 65535.0)) if code > 0.0 else 0  # NaN fails the comparison
 
 
 @parallel
 def settle_points(mesh: Triangles, camera: F64, rules: Rules, codes: U16, moved: F32) -> None:
-    """Moves the points of a mesh of this image to where its codes are by now: moved [n, 3].
+    """moved [n, 3]: the points of a mesh of this image, moved to the depths of its present codes.
 
-    A point between pixels takes the mean of those around it; of all pixels only those count that show the surface
-    which the point lies on. A point with none stays.
+    A point between pixels takes the mean of the pixels round it, of which only those count that show the point's
+    surface. A point without such pixels stays.
     """
     h, w = codes.shape
     points, uv, lowest, by_code = mesh.points, mesh.uv, rules.lowest, rules.by_code

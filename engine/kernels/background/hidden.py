@@ -1,4 +1,4 @@
-"""Which background triangles none of some eyes ever sees, because other background stands before them."""
+"""Background triangles that no eye can see because other background hides them."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .surfaces import Triangles
 __all__ = ["CELL", "flag_unseen", "mark_seen", "spread_seen"]
 
 
-CELL = 4  # pixels of a source picture, each way, that are seen or unseen together; and how far what is seen spreads
-_RUN = 64  # neighbouring triangles, of which each first asks the eye that saw the one before
+CELL = 4  # side of a cell of a source picture, pixels: seen or unseen as a whole; also how far "seen" spreads
+_RUN = 64  # neighbouring triangles; each of them first asks the eye that saw the one before
 
 
 @inlined
@@ -38,7 +38,7 @@ def _cells(uv: F32, triangle: I32, room: float, wraps: bool, cells: U8) -> tuple
 
 @inlined
 def _is_beside(uv: F32, triangle: I32, wraps: bool, cells: U8) -> bool:
-    """Whether a triangle touches a cell that is set."""
+    """Whether a triangle of the source picture touches a cell that is set."""
     left, right, top, bottom = _cells(uv, triangle, 0.0, wraps, cells)
     found = False
     for y in range(top, bottom + 1):
@@ -51,13 +51,14 @@ def _is_beside(uv: F32, triangle: I32, wraps: bool, cells: U8) -> bool:
 def _sees(
     tracer: Tracer, eye: F64, x: float, y: float, z: float, surfaces: I64, present: Present, delta: Delta
 ) -> tuple[bool, int]:
-    """Whether nothing that an eye is shown stands before a point by more than delta, and the rays cast."""
+    """Whether the surface that an eye sees in a point's direction is not nearer than the point by more than delta; and
+    the number of rays."""
     dx, dy, dz = from_camera(eye, x, y, z)
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     free = 1.0 - max(delta_at(delta, distance) / distance, ROUNDING)
     if not free > 0.0:
         return True, 0
-    if is_seen_from(tracer, eye, dx, dy, dz, free):  # most are
+    if is_seen_from(tracer, eye, dx, dy, dz, free):  # most points are
         return True, 1
     u, v, distance = project_point(eye, x, y, z)
     shown, _hu, _hv, _geometry, _primitive, _length, rays = standing_hit(
@@ -71,9 +72,9 @@ def mark_seen(
     tracer: Tracer, eyes: F64, mesh: Triangles, invalid: U8, surfaces: I64, present: Present, delta: Delta,
     wraps: bool, cells: U8, seen: U8,
 ) -> int:  # fmt: skip
-    """Sets seen [m] to 1 for valid triangles of which an eye (packed all-round cameras [n, CAMERA_SIZE]) sees a sample
-    point; returns the rays cast. Those that touch a cell that is set (see `spread_seen`) are not looked at. surfaces,
-    present and delta: see `standing_hit`."""
+    """Sets seen [m] to 1 for valid triangles of which one of the eyes (packed cameras with a full view [n,
+    CAMERA_SIZE]) sees a sample point; returns the number of rays. Triangles that touch a cell that is set (see
+    `spread_seen`) are skipped. surfaces, present and delta: see `standing_hit`."""
     rays = 0
     for run in numba.prange((invalid.shape[0] + _RUN - 1) // _RUN):
         points, triangles, last = mesh.points, mesh.triangles, 0
@@ -113,7 +114,7 @@ def spread_seen(uv: F32, triangles: I32, seen: U8, wraps: bool, cells: U8) -> No
 
 @parallel
 def flag_unseen(uv: F32, triangles: I32, wraps: bool, cells: U8, invalid: U8) -> int:
-    """Flags valid triangles as invalid that touch no cell that is set; returns how many."""
+    """Flags valid triangles that touch no set cell as invalid; returns their number."""
     count = 0
     for i in numba.prange(triangles.shape[0]):
         if invalid[i] == 0 and not _is_beside(uv, triangles[i], wraps, cells):

@@ -11,13 +11,13 @@ __all__ = ["along", "from_camera"]
 
 @inlined
 def from_camera(camera: F64, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """The way from a camera (packed) to a point, in the world's axes."""
+    """The vector from a camera (packed) to a point, in the world's axes, metres."""
     return x - camera[POSITION_X], y - camera[POSITION_Y], z - camera[POSITION_Z]
 
 
 @inlined
 def along(camera: F64, distance: float, dx: float, dy: float, dz: float) -> tuple[float, float, float]:
-    """The point `distance` times a direction away from a camera (packed)."""
+    """The point at a camera's position (packed) plus `distance` times a direction."""
     return (
         camera[POSITION_X] + distance * dx, camera[POSITION_Y] + distance * dy, camera[POSITION_Z] + distance * dz
     )  # fmt: skip

@@ -25,9 +25,9 @@ from .picture import Picture
 
 __all__ = ["PHASES", "TILE", "update_maximum_depth"]
 
-TILE = 64  # columns that are compared at once before any is written
-# Every frame looks at one of PHASES pairs of rows, another one each time: for what has changed, for provisional
-# colours, and to fuse depth. PHASES pairs and TILE columns are a block.
+TILE = 64  # columns that are compared together before any is written
+# A block is PHASES pairs of rows by TILE columns. Each frame samples one of its pairs of rows, the next frame the next
+# pair: to find changes, to renew provisional colours, and to fuse depth.
 PHASES = 8
 
 
@@ -41,7 +41,7 @@ def _any_set(flags: U8, bits: int) -> bool:
 
 @inlined
 def _pair_farther(pair: int, x0: int, new: U16, codes: U16, by_code: U16, margins: Margins) -> bool:
-    """Whether anything is farther in TILE columns from x0 on of a pair of rows."""
+    """Whether any pixel is farther in TILE columns, from x0 on, of a pair of rows."""
     top, bottom, end = 2 * pair, min(2 * pair + 1, codes.shape[0] - 1), x0 + TILE
     new_top, new_bottom = new[top, x0:end], new[bottom, x0:end]
     top_codes, bottom_codes = codes[top, x0:end], codes[bottom, x0:end]
@@ -69,7 +69,7 @@ def _pair_set(pair: int, x: int, flags: U8, bits: int) -> bool:
 
 @inlined
 def _concerned(pair: int, column: int, new: U16, codes: U16, flags: U8, by_code: U16, lowest: int) -> bool:
-    """Whether one of the 2x2 pixels that share one chroma sample is farther, or has a provisional colour."""
+    """Whether one of the 2x2 pixels that share a chroma sample is farther, or has a provisional colour."""
     top, bottom = 2 * pair, min(2 * pair + 1, codes.shape[0] - 1)
     left, right = 2 * column, min(2 * column + 1, codes.shape[1] - 1)
     either = flags[top, left] | flags[top, right] | flags[bottom, left] | flags[bottom, right]
@@ -95,19 +95,19 @@ def update_maximum_depth(
     new: Picture, known: Picture, flags: U8, fused: U8, rules: Rules, tone: F64, before: I64, counts: I64,
     number: int, turn: int,
 ) -> None:  # fmt: skip
-    """Takes over depth and colour where the new view is farther by a nontrivial amount, or sees something first.
+    """Takes over depth and colour where the new view is farther by a nontrivial amount, or is the first with a depth.
 
-    The colour is kept in another tone, packed (`kernels.base.tone`).
+    `tone`, packed (`kernels.base.tone`), is applied to the new view's colours.
 
-    A call looks at one pair of rows of each block, another one as `number` counts up: reading all that has not changed
-    costs more than everything else. Where that pair has changed, or the block or a neighbour of it had in the call
-    before, it looks at the whole block; with a `turn` of 0 or more at all of them. So nothing that stays for PHASES
-    calls is missed, and what is as high as a block is found at once.
+    A call compares one pair of rows of each block, the next pair as `number` counts up, because reading all unchanged
+    pixels would cost more than everything else. If that pair has changed, or the block or a neighbour of it had changed
+    in the call before, the call compares the whole block; if `turn` is 0 or more, it compares all blocks whole. So a
+    change that lasts for PHASES calls is never missed, and a change as high as a block is found at once.
 
-    flags, fused [h, w]; before, counts: pixels updated per block in the call before and in this one. UPDATED is set
-    there and never cleared, `fused` (unless it has no elements) becomes 1. A provisional colour is replaced when the
-    same surface is seen away from depth edges: looked at once within PHASES calls; then where something has changed,
-    and in one pair of rows a `turn`, which counts up.
+    flags, fused [h, w]; before, counts: pixels updated per block in the call before and in this one. Updated pixels get
+    UPDATED, which is never cleared here, and their `fused` (unless it is empty) becomes 1. A provisional colour is
+    replaced when the same surface is seen away from depth edges. It is looked at once within PHASES calls; after that
+    only where something has changed, and in one pair of rows per `turn`, which counts up.
     """
     codes, new_codes, by_code = known.codes, new.codes, rules.by_code
     h, w = codes.shape
@@ -142,7 +142,7 @@ def update_maximum_depth(
 def _update_quad(
     pair: int, column: int, new: Picture, known: Picture, flags: U8, fused: U8, rules: Rules, tone: F64
 ) -> int:
-    """The 2x2 pixels that share one chroma sample; returns how many of them were updated."""
+    """Updates the 2x2 pixels that share a chroma sample; returns how many of them have a new depth."""
     (new_codes, new_y, new_cb, new_cr), (codes, y, cb, cr) = new, known
     h, w = codes.shape
     lowest, edge, by_code = rules.lowest, rules.edge, rules.by_code
@@ -179,7 +179,7 @@ def _update_quad(
         luma = mean_luma(new_y, 2 * pair, 2 * column)
         cb[pair, column] = toned_code(tone[CB_GAIN], new_cb[pair, column], tone[CB_FROM_Y] * luma + tone[CB_OFFSET])
         cr[pair, column] = toned_code(tone[CR_GAIN], new_cr[pair, column], tone[CR_FROM_Y] * luma + tone[CR_OFFSET])
-    else:  # the sample is partly of something nearer: wait until that has moved on
+    else:  # the sample is partly of something nearer: wait until that has moved away
         for row in range(2 * pair, bottom):
             for x in range(2 * column, right):
                 flags[row, x] = coloured(flags[row, x], FRESH)

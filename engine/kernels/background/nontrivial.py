@@ -1,4 +1,4 @@
-"""What a nontrivial amount is: by how much a surface must be farther to be another one (section 3.3.3)."""
+"""The nontrivial amount (section 3.3.3): a surface must be farther by this to count as another surface."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ __all__ = ["Margins", "Rules", "farther_than", "margins_of", "perhaps_farther", 
 
 
 class Rules(NamedTuple):
-    """What a maximum depth image's codes are compared by.
+    """The rules by which codes of a maximum depth image are compared.
 
-    A code that is `lowest` or more is a depth. What is farther than a code exceeds both margins, metres and 1/m;
-    by_code [65536] is every code's limit: new - lowest < limit, in wrapping 16-bit arithmetic, says "valid and
-    farther". Roughly, what is farther than a code, less the smallest valid one, differs from it by least +
-    (max(code - bend, 0) >> shift) codes or more. `edge`: the step between neighbouring codes that is a depth edge.
+    A code of `lowest` or more is a depth. A depth is farther than a code if it exceeds both margins, metres and 1/m.
+    by_code [65536] is the limit of every code: new - lowest < limit, in wrapping 16-bit arithmetic, means "valid and
+    farther". As a fast approximation, with codes counted from the smallest valid one, a farther code differs from
+    `code` by at least least + (max(code - bend, 0) >> shift). `edge`: the step between neighbouring codes that is a
+    depth edge.
     """
 
     offset: float  # of the depth coding: disparity, 1/m
@@ -39,7 +40,7 @@ Margins = tuple[np.uint16, np.uint16, np.uint16, np.uint16]  # lowest, least, be
 
 @inlined
 def margins_of(rules: Rules) -> Margins:
-    """What `perhaps_farther` compares by."""
+    """The rules for `perhaps_farther`."""
     return np.uint16(rules.lowest), np.uint16(rules.least), np.uint16(rules.bend), np.uint16(rules.shift)
 
 
@@ -47,7 +48,7 @@ def margins_of(rules: Rules) -> Margins:
 def farther_than(
     code: int, offset: float, step: float, has_invalid: bool, margin_m: float, margin_disparity: float
 ) -> float:
-    """The code below which a surface is farther than `code` by a nontrivial amount: both margins are exceeded."""
+    """The limit below which a code is farther than `code` by a nontrivial amount: it exceeds both margins."""
     if has_invalid and code == 0:
         return math.inf
     disparity = offset + step * code
@@ -57,7 +58,7 @@ def farther_than(
 
 @inlined
 def _limit(code: int, rules: Rules) -> int:
-    """A code's row in `by_code`."""
+    """A code's entry in `by_code`."""
     limit = farther_than(
         code, rules.offset, rules.step, rules.lowest > 0, rules.margin_m, rules.margin_disparity
     ) - rules.lowest
@@ -66,14 +67,14 @@ def _limit(code: int, rules: Rules) -> int:
 
 @serial
 def prepare_limits(rules: Rules) -> tuple[int, int, int]:
-    """Fills by_code, every code's limit, and returns least, bend and shift; the other rules are read."""
+    """Fills by_code, the limit of every code, from the other rules, and returns least, bend and shift."""
     by_code = rules.by_code
     lowest, least = rules.lowest, 65535
     for code in range(65536):
         by_code[code] = _limit(code, rules)
         if code >= lowest and by_code[code] > 0:
             least = min(least, code - lowest - by_code[code] + 1)
-    # The tangent where the margin in metres, a square of the disparity, is four times the least.
+    # The tangent where the margin in metres, which grows with the square of the disparity, is four times `least`.
     slope = 4.0 * math.sqrt(rules.margin_m * rules.step * least)
     shift, bend = round(-math.log2(min(max(slope, 2.0**-15), 1.0))), 0
     for code in range(lowest, 65536):
@@ -85,14 +86,14 @@ def prepare_limits(rules: Rules) -> tuple[int, int, int]:
 
 @inlined
 def perhaps_farther(new: np.uint16, code: np.uint16, margins: Margins) -> np.uint16:
-    """0 where a new code is not farther than another, by what margins are at least (see `prepare_limits`).
+    """0 if a new code cannot be farther than another, by a lower bound of the margins (see `prepare_limits`).
 
-    Without a table and in 16 bits, so that it is vectorised. Invalid codes wrap to the largest: as a new one that is
-    never farther; where nothing was seen before anything is.
+    It uses no table and 16 bits, so that it is vectorised. Invalid codes wrap round to the largest: an invalid new code
+    is never farther; if the old code is invalid, every valid new code is.
     """
     lowest, least, bend, shift = margins
     shifted, known = np.uint16(new - lowest), np.uint16(code - lowest)
-    beyond = np.uint16(np.uint16(max(known, bend) - bend) >> (shift & 15))  # the mask tells that 16 bits are enough
+    beyond = np.uint16(np.uint16(max(known, bend) - bend) >> (shift & 15))  # the mask tells LLVM that 16 bits do
     margin = np.uint16(beyond + least)
     nearest = np.uint16(min(shifted, np.uint16(~margin)) + margin)  # saturates
     return np.uint16((nearest <= known) & (shifted != np.uint16(65535)))

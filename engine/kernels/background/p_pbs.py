@@ -1,7 +1,5 @@
-"""A camera's part of the P-PBS when it is derived anew: what culling took from it, and which marks it inherits.
-
-(Section 3.3.3.)
-"""
+"""A camera's part of the P-PBS when it is derived anew (section 3.3.3): removal of the pixels of culled triangles, and
+inheritance of marks."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ __all__ = ["clear_culled", "inherit_marks", "paint_triangles"]
 
 @inlined
 def _extent(a: float, b: float, c: float) -> tuple[int, int]:
-    """The pixels, from the first to before the last, whose centres lie between the least and the greatest of three."""
+    """The range of pixels, the last one excluded, with centres between the least and the greatest of three values."""
     return math.ceil(min(a, b, c) - 0.5), math.floor(max(a, b, c) - 0.5) + 1
 
 
@@ -35,9 +33,10 @@ def _covers(uv: F32, a: int, b: int, c: int, x: int, y: int) -> bool:
 
 @serial
 def paint_triangles(mesh: Triangles, invalid: U8, wraps: bool, erase: bool, numbers: I32) -> None:
-    """Writes each valid triangle's number, or -1 to erase them, to all pixels whose centre it covers or touches.
+    """Writes each valid triangle's number, or -1 to erase it, to all pixels whose centre it covers or touches.
 
-    Of several the last one's, and so by one thread: with more, it would be now this one's, now that one's.
+    Where several triangles touch a centre, the last one counts. Therefore a single thread does this: with more threads
+    the result would depend on their timing.
     """
     h, w = numbers.shape
     uv, triangles = mesh.uv, mesh.triangles
@@ -55,9 +54,9 @@ def paint_triangles(mesh: Triangles, invalid: U8, wraps: bool, erase: bool, numb
 
 @parallel
 def clear_culled(mesh: Triangles, invalid: U8, wraps: bool, numbers: I32, flags: U8) -> None:
-    """A pixel of an invalid triangle that no valid one touches (numbers: see `paint_triangles`) is kept no longer.
+    """Clears KEPT in flags [h, w] (see `flags`) of pixels of invalid triangles that no valid triangle touches.
 
-    flags [h, w]: see `flags`.
+    numbers: see `paint_triangles`.
     """
     h, w = numbers.shape
     uv, triangles = mesh.uv, mesh.triangles
@@ -75,7 +74,7 @@ def clear_culled(mesh: Triangles, invalid: U8, wraps: bool, numbers: I32, flags:
 
 @inlined
 def _meets(blocks: B1, x0: int, x1: int, y0: int, y1: int) -> bool:
-    """Whether one of the blocks from (x0, y0) to (x1, y1) is set; their columns begin again on the left."""
+    """Whether one of the blocks from (x0, y0) to (x1, y1) is set; columns wrap round."""
     for y in range(max(y0, 0), min(y1, blocks.shape[0] - 1) + 1):
         for x in range(x0, x1 + 1):
             if blocks[y, x % blocks.shape[1]]:
@@ -87,9 +86,10 @@ def _meets(blocks: B1, x0: int, x1: int, y0: int, y1: int) -> bool:
 def inherit_marks(
     mesh: Triangles, numbers: I32, old: U64, new: U64, changed: B1, size: tuple[int, int], news: B1
 ) -> None:
-    """A new triangle gets the marks of the old one at its centroid, or none.
+    """Gives each new triangle the marks of the old triangle at its centroid, or none.
 
-    It is news [m] where there was none, or where it meets one of the changed blocks of `size` pixels (rows, columns).
+    news [m] is set for triangles without an old one there, and for those that meet a changed block of `size` pixels
+    (rows, columns).
     """
     h, w = numbers.shape
     uv, triangles = mesh.uv, mesh.triangles

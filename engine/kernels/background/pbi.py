@@ -1,4 +1,4 @@
-"""The probable background image: what of the model is seen from a camera, with colour (section 3.4.1)."""
+"""The probable background image: the model seen from a camera, with colours (section 3.4.1)."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ __all__ = ["Tables", "render_pbi"]
 # Columns of a hit.
 _DISPARITY, _U, _V, _CAPTURE, _GEOMETRY, _PRIMITIVE, _DISTANCE = range(7)
 _HIT_SIZE = 7
-_FLAT = 5e-4  # share of its distance by which a hit may be off a plane that it is taken to lie on
+_FLAT = 5e-4  # a hit counts as on a plane if it is off by less than this share of its distance
 
 
 class Tables(NamedTuple):
-    """What the model is made of: the tables of its surfaces (see `surfaces`) and captures (see `captures`)."""
+    """The tables of the model's surfaces (see `surfaces`) and captures (see `captures`)."""
 
     surfaces: I64
     captures: I64
@@ -66,8 +66,8 @@ def _hit_uv(surface: I64, primitive: int, hu: float, hv: float) -> tuple[float, 
 def _cast(
     tracer: Tracer, camera: F64, surfaces: I64, present: Present, delta: Delta, x: int, y: int, hits: F64, k: int
 ) -> int:
-    """What is shown behind a pixel's centre, into hits[k] [_HIT_SIZE]: disparity (0: nothing), where in which capture's
-    picture, geometry, primitive, distance; returns the rays cast."""
+    """Writes the surface shown at a pixel's centre to hits[k] [_HIT_SIZE]: disparity (0: nothing), place in its
+    capture's picture, capture, geometry, primitive, distance; returns the number of rays."""
     u, v, rays = x + 0.5, y + 0.5, 1
     if present.table.shape[0] == 0:
         distance, hu, hv, geometry, primitive, length = farthest_hit(tracer, camera, u, v)
@@ -86,7 +86,7 @@ def _cast(
 
 @serial
 def _on_plane(tables: Tables, camera: F64, hits: F64, a: int, b: int, x: int, y: int) -> bool:
-    """Whether hits[b], of pixel (x, y), lies on the plane of hits[a]'s triangle, and both have their colour near by."""
+    """Whether hits[b], of pixel (x, y), lies on the plane of hits[a]'s triangle, and both have nearby colours."""
     if (
         hits[a, _CAPTURE] != hits[b, _CAPTURE]
         or hits[a, _CAPTURE] < 0.0
@@ -109,7 +109,7 @@ def _on_plane(tables: Tables, camera: F64, hits: F64, a: int, b: int, x: int, y:
 
 @serial
 def _colour(captures: I64, hits: F64, y: U16, pair: int, column: int) -> tuple[float, float]:
-    """Luma of the 2x2 pixels with the given hits [4, _HIT_SIZE]; returns their chroma."""
+    """Writes the luma of the 2x2 pixels with the hits [4, _HIT_SIZE]; returns their chroma."""
     h, w = y.shape
     u, v, blue, red, count = 0.0, 0.0, 0.0, 0.0, 0
     one = True  # capture
@@ -136,7 +136,7 @@ def _colour(captures: I64, hits: F64, y: U16, pair: int, column: int) -> tuple[f
 
 @serial
 def _mean(hits: F64, k: int, grid: F64, a: int, b: int) -> None:
-    """Puts the middle of two hits of one plane into hits[k]."""
+    """Writes the middle of two hits on one plane to hits[k]."""
     hits[k, _CAPTURE] = grid[a, _CAPTURE]
     for i in (_DISPARITY, _U, _V):
         hits[k, i] = 0.5 * (grid[a, i] + grid[b, i])
@@ -144,7 +144,7 @@ def _mean(hits: F64, k: int, grid: F64, a: int, b: int) -> None:
 
 @inlined
 def _is_wanted(wanted: U8, pair: int, column: int, before: int) -> bool:
-    """Whether a 2x2 of pixels, or one up to `before` to the left of it or above it, is in a cell that is wanted."""
+    """Whether 2x2 pixels, or others up to `before` such steps to the left or above, are in a wanted cell."""
     if wanted.size == 0:
         return True
     y, x = 2 * pair // CELL, 2 * column // CELL
@@ -156,7 +156,8 @@ def _is_wanted(wanted: U8, pair: int, column: int, before: int) -> bool:
 def _cast_grid(
     tracer: Tracer, camera: F64, surfaces: I64, present: Present, delta: Delta, wanted: U8, columns: int, grid: F64
 ) -> int:
-    """Casts rays through every second pixel both ways, into grid [rows * columns, _HIT_SIZE]; returns the rays."""
+    """Casts rays through every second pixel in both directions, into grid [rows * columns, _HIT_SIZE]; returns the
+    number of rays."""
     rays = 0
     for pair in numba.prange(grid.shape[0] // columns):
         for column in range(columns):
@@ -171,8 +172,8 @@ def _complete(
     tracer: Tracer, camera: F64, tables: Tables, present: Present, delta: Delta, grid: F64, sparse: bool,
     pixel: tuple[int, int], size: tuple[int, int], hits: F64,
 ) -> int:  # fmt: skip
-    """Fills hits [4, _HIT_SIZE] of the 2x2 pixels from `pixel` (row, column; even) on; returns the rays cast."""
-    # Hits are named by their numbers in an array: a view of each would be counted as a reference, by all threads.
+    """Fills hits [4, _HIT_SIZE] of the 2x2 pixels from `pixel` (row, column; even) on; returns the number of rays."""
+    # Hits are given by their numbers in an array: views would be reference-counted, and threads would contend for that.
     (row, x), (h, w) = pixel, size
     rows, columns, rays = (h + 1) // 2, (w + 1) // 2, 0
     own = row // 2 * columns + x // 2
@@ -199,7 +200,7 @@ def _complete(
 
 @serial
 def _write(hits: F64, captures: I64, coding: Coding, pair: int, column: int, picture: Picture) -> None:
-    """Codes and colours of the 2x2 pixels with the given hits [4, _HIT_SIZE]."""
+    """Writes codes and colours of the 2x2 pixels with the hits [4, _HIT_SIZE]."""
     codes = picture.codes
     h, w = codes.shape
     for k in range(4):
@@ -215,7 +216,7 @@ def _write(hits: F64, captures: I64, coding: Coding, pair: int, column: int, pic
 # Not `inlined`: in a parallel function Numba drops what is only written to arrays that are fields of a tuple.
 @inlined_late
 def _leave_out(pair: int, column: int, picture: Picture) -> None:
-    """The 2x2 pixels are holes."""
+    """Makes the 2x2 pixels holes."""
     row, x = 2 * pair, 2 * column
     picture.codes[row : row + 2, x : x + 2] = 0
     picture.y[row : row + 2, x : x + 2] = 0
@@ -227,7 +228,7 @@ def _finish(
     tracer: Tracer, camera: F64, coding: Coding, tables: Tables, present: Present,
     delta: Delta, sparse: bool, wanted: U8, grid: F64, picture: Picture,
 ) -> int:  # fmt: skip
-    """What `render_pbi` does, when the grid of every second pixel is there; returns the rays cast."""
+    """The rest of `render_pbi` after the grid of every second pixel is done; returns the number of rays."""
     rays = 0
     rows, columns = picture.cb.shape
     for pair in numba.prange(rows):
@@ -248,12 +249,12 @@ def render_pbi(
     tracer: Tracer, camera: F64, coding: Coding, tables: Tables, present: Present,
     delta: Delta, sparse: bool, wanted: U8, picture: Picture,
 ) -> int:  # fmt: skip
-    """Fills a view of the background, code 0 where there is none; returns the rays cast.
+    """Fills a view of the background, with code 0 in holes; returns the number of rays (section 3.4.1).
 
-    What is shown is the farthest hit (the paper's) where `present` has no rows, else the nearest that stands
-    (`standing_hit`). With `sparse` rays are cast through every second pixel both ways, and between these only where
-    they do not meet one plane. Chroma is the mean over the pixels of a 2x2 that are not holes. Cells that are not
-    `wanted` (see `uncovered`; one with no elements: all are) are left as holes.
+    It shows the farthest hit (as in the paper) if `present` has no rows, else the nearest hit that stands
+    (`standing_hit`). With `sparse`, rays are cast through every second pixel in both directions, and through the pixels
+    between only where those rays do not meet one plane. Chroma is the mean over the pixels of a 2x2 that are not holes.
+    Cells that are not `wanted` (see `uncovered`; empty: all are) stay holes.
     """
     rows, columns = picture.cb.shape
     grid = np.empty((rows * columns, _HIT_SIZE))

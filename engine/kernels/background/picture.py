@@ -10,7 +10,7 @@ __all__ = ["Picture"]
 
 
 class Picture(NamedTuple):
-    """Codes of depth and luma uint16 [h, w], chroma uint16 [(h + 1) // 2, (w + 1) // 2]."""
+    """Depth codes and luma, uint16 [h, w], and chroma, uint16 [(h + 1) // 2, (w + 1) // 2]."""
 
     codes: U16
     y: U16

@@ -1,8 +1,9 @@
-"""Which of the surfaces behind a pixel still stands: the nearest one that no view has ever looked through.
+"""The surface behind a pixel that still stands: the nearest one that no view has ever seen past.
 
-The farthest one, which the paper takes (section 3.4.1), is the far room's wall for whoever stands before a partition
-beside whose door some camera looks. Culling leaves the partition in the model as well: it asks each camera for what
-lies behind a triangle on its own rays. On those of a viewer there may be both.
+The paper takes the farthest surface (section 3.4.1). If a camera looks through the door of a partition wall, that would
+be the wall of the room behind, even for a viewer who stands before the partition. The partition is in the model as
+well, because culling only tests, for each camera, what lies behind a triangle on that camera's rays. A viewer's ray may
+meet both walls.
 """
 
 from __future__ import annotations
@@ -26,17 +27,16 @@ from .surfaces import CAMERA
 __all__ = ["FARTHEST", "NOW", "Present", "standing_hit"]
 
 
-_LAYERS = 8  # surfaces that are looked at along a ray before the farthest is taken
+_LAYERS = 8  # surfaces that are tested along a ray before the farthest is taken
 NOW, FARTHEST = range(2)  # columns of `Present.codes`
 
 
 class Present(NamedTuple):
-    """What decides which surface stands: the newest frame's views, and what their cameras have ever seen.
+    """The evidence on whether a surface stands: the newest frame's views, and the maximum depth images.
 
-    near: the depth, metres, before which nothing is shown: what lies between the PBI's camera and the eyes. table:
-    float64 [views, TABLE_SIZE], as `kernels.base.view_table` has them; without rows where nothing is asked of the
-    views. codes: int64 [views, 2], addresses of their present codes (NOW), and of their maximum depth images'
-    (FARTHEST).
+    near: surfaces nearer than this depth, metres, are between the PBI's camera and the eyes and are not shown. table:
+    float64 [views, TABLE_SIZE], see `kernels.base.view_table`; without rows, no view is consulted. codes: int64
+    [views, 2], the addresses of their present codes (NOW), and of their maximum depth images' codes (FARTHEST).
     """
 
     near: float
@@ -46,7 +46,7 @@ class Present(NamedTuple):
 
 @serial
 def _stands(present: Present, x: float, y: float, z: float, delta: Delta) -> bool:
-    """Whether no view has ever looked through a point."""
+    """Whether no view has ever seen past a point."""
     table, codes = present.table, present.codes
     for k in range(table.shape[0]):  # noqa: SIM110 (compiled)
         if looks_through(table[k], codes[k, FARTHEST], x, y, z, delta):
@@ -58,12 +58,12 @@ def _stands(present: Present, x: float, y: float, z: float, delta: Delta) -> boo
 def standing_hit(
     tracer: Tracer, camera: F64, u: float, v: float, surfaces: I64, present: Present, delta: Delta
 ) -> tuple[float, float, float, int, int, float, int]:
-    """As `rays.farthest_hit`, but of the surfaces beyond `present.near` the nearest that stands, and the rays cast.
+    """As `rays.farthest_hit`, but the nearest hit beyond `present.near` that stands; and the number of rays.
 
-    A surface stands where the view that it stems from shows it now (most do: one ray), or no view has ever looked
-    through it. What lies within delta of the farthest hit is taken to be that surface, and it is the last
-    resort: whether it is a ghost the front end sees. surfaces: see `surfaces`. What hits nothing is asked again a
-    little beside (see `rays.BESIDE_PX`).
+    A surface stands if the view that it stems from shows it now (most do, and need one ray), or if no view has ever
+    seen past it. A hit within delta of the farthest hit counts as the farthest surface, which is the fallback; the
+    front end rejects it if it is a ghost. surfaces: see `surfaces`. A ray that hits nothing is cast again a little
+    to the side (see `rays.BESIDE_PX`).
     """
     distance, hu, hv, geometry, primitive, length, rays = _standing_along(
         tracer, camera, u, v, surfaces, present, delta
@@ -83,7 +83,7 @@ def _standing_along(
     """`standing_hit` along a single ray."""
     px, py, pz = unproject_point(camera, u, v, 1.0)
     ox, oy, oz = position(camera)
-    # Directions as long as a depth of 1: distances along them are depths.
+    # The direction has the length of a depth of 1, so distances along it are depths.
     dx, dy, dz = from_camera(camera, px, py, pz)
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     start, rays = present.near, 0

@@ -1,4 +1,4 @@
-"""How kernels reach the surfaces of the PBS: one mesh as arrays, or all of them through a table of addresses."""
+"""The surfaces of the PBS for kernels: one mesh as arrays, or all of them through a table of addresses."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ __all__ = [
     "Triangles",
 ]
 
-# A table of surfaces is int64 [geometries, SURFACE_SIZE]: addresses of a surface's triangles, uv and points, the camera
-# that it stems from, and the capture that it has its colours from.
+# A table of surfaces is int64 [geometries, SURFACE_SIZE]: addresses of a surface's triangles, uv and points, its
+# reference camera, and the capture of its colours.
 TRIANGLES, UV, POINTS, CAMERA, CAPTURE = range(5)
 SURFACE_SIZE = 5
-# A table of marks is int64 [geometries, MARKS_SIZE]: the address of a surface's marks (uint64), and how
-# many words from one triangle's to the next one's. Ray callbacks read it (`embree_callbacks.mark_and_pass`).
+# A table of marks is int64 [geometries, MARKS_SIZE]: the address of a surface's marks (uint64), and the number of words
+# from one triangle's marks to the next one's. Ray callbacks read it (`embree_callbacks.mark_and_pass`).
 MARKS, WORDS = range(2)
 MARKS_SIZE = 2
 

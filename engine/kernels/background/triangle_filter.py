@@ -1,7 +1,7 @@
 """The triangle filter (section 3.3.3, Fig. 6b): which updated pixels become part of the P-PBS.
 
-The paper casts a ray through the middle of each new triangle. Here triangles are made only of pixels that passed, so
-that it is pixels that are asked.
+The paper casts a ray through the middle of each new triangle. Here triangles are made only of pixels that have passed,
+so the rays go through pixels.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from .rays import Tracer, farthest_hit
 __all__ = ["ACCEPTED", "CANDIDATES", "CHANGED", "COUNTS_SIZE", "LONE", "RAYS", "filter_pixels"]
 
 
-# More bits of a pixel's flags, while candidates are looked at: spared by one ray for four pixels; those that will be
-# kept, some only if they have enough neighbours.
+# More bits of a pixel's flags while candidates are tested. _SPARED: one ray for four pixels found it not farther;
+# _ACCEPTED: it will be kept if it has enough neighbours; _CONFIRMED: it will be kept.
 _SPARED, _ACCEPTED, _CONFIRMED = 16, 32, 64
-_FLAT = 0.25  # of delta: four pixels whose depths differ by less share a ray
-# Columns of what is counted a block: candidates, those of them that are accepted, pixels that were kept before and have
-# changed, lone candidates, rays.
+_FLAT = 0.25  # share of delta: four pixels with depths that differ by less share a ray
+# Columns of the counts of a block: candidates, accepted candidates, pixels that were kept before and have changed, lone
+# candidates, rays.
 CANDIDATES, ACCEPTED, CHANGED, LONE, RAYS = range(5)
 COUNTS_SIZE = 5
 
@@ -32,7 +32,7 @@ _Box = tuple[int, int, int, int]  # first row and the one after the last, column
 
 @inlined
 def _count_around(flags: U8, y: int, x: int, bits: int) -> int:
-    """How many of the three by three pixels round one have one of the bits."""
+    """The number of pixels with one of the bits, among the 3 x 3 pixels round (x, y)."""
     count = 0
     for row in range(max(y - 1, 0), min(y + 2, flags.shape[0])):
         for column in range(max(x - 1, 0), min(x + 2, flags.shape[1])):
@@ -47,8 +47,8 @@ def _depth(code: int, coding: Coding) -> float:
 
 @inlined
 def _judge(tracer: Tracer, camera: F64, u: float, v: float, depth: float, delta: Delta) -> int:
-    """What becomes of a surface seen at (u, v): _CONFIRMED where the PBS has a hole, be it a pixel's; _ACCEPTED, or 0
-    where it is not more than delta behind the farthest hit."""
+    """The verdict on a surface seen at (u, v): _CONFIRMED if the PBS has a hole there, even of one pixel; _ACCEPTED if
+    it is more than delta behind the farthest hit; else 0."""
     distance, _u, _v, _geometry, _primitive, length = farthest_hit(tracer, camera, u, v)
     if distance < 0.0:
         return _CONFIRMED
@@ -57,7 +57,8 @@ def _judge(tracer: Tracer, camera: F64, u: float, v: float, depth: float, delta:
 
 @inlined
 def _judge_pixel(tracer: Tracer, camera: F64, coding: Coding, codes: U16, y: int, x: int, delta: Delta) -> int:
-    """`_judge` of a pixel: off the outermost ones' centres, where the mesh ends; rays there may just miss it."""
+    """`_judge` for a pixel. Rays of the outermost pixels are moved inwards: meshes end at the centres of those pixels,
+    and a ray there could just miss."""
     h, w = codes.shape
     u, v = min(max(x + 0.5, 0.51), w - 0.51), min(max(y + 0.5, 0.51), h - 0.51)
     return _judge(tracer, camera, u, v, _depth(codes[y, x], coding), delta)
@@ -67,7 +68,7 @@ def _judge_pixel(tracer: Tracer, camera: F64, coding: Coding, codes: U16, y: int
 def _share_ray(
     tracer: Tracer, camera: F64, coding: Coding, codes: U16, flags: U8, y: int, x: int, delta: Delta
 ) -> bool:
-    """Whether 2x2 pixels from (x, y) on are all candidates on one surface that is not farther than the PBS."""
+    """Whether the 2x2 pixels from (x, y) on are all candidates, on one surface, which is not farther than the PBS."""
     near = far = codes[y, x]
     for row in range(y, y + 2):
         for column in range(x, x + 2):
@@ -84,7 +85,7 @@ def _share_ray(
 def _ask_by_four(
     tracer: Tracer, camera: F64, coding: Coding, codes: U16, flags: U8, delta: Delta, box: _Box
 ) -> int:
-    """Spares candidates of one surface that one ray finds not to be farther; returns the rays of spared pixels."""
+    """Spares four candidates of one surface if one ray finds it not farther; returns the number of these rays."""
     top, bottom, left, right = box
     h, w = codes.shape
     rays = 0
@@ -121,13 +122,13 @@ def _ask_one_by_one(
 
 @inlined
 def _box(blocks: I64, k: int, size: tuple[int, int], flags: U8) -> _Box:
-    """The rows and columns of a block, in the picture."""
+    """The rows and columns of a block, clipped to the picture."""
     top, left = blocks[k, 0] * size[0], blocks[k, 1] * size[1]
     return top, min(top + size[0], flags.shape[0]), left, min(left + size[1], flags.shape[1])
 
 
-# Each of these looks at all blocks: it reads what the one before has written in neighbouring blocks as well. They are
-# functions of their own, as Numba might make one loop of several in one function.
+# Each of these functions runs over all blocks before the next one begins, because it reads results of the one before
+# also in neighbouring blocks. They are separate functions, as Numba might fuse several loops in one function.
 
 
 @parallel
@@ -144,7 +145,7 @@ def _judge_candidates(
 
 @parallel
 def _drop_spared(flags: U8, blocks: I64, size: tuple[int, int]) -> None:
-    """Spared pixels away from all accepted ones are no candidates any more."""
+    """Spared pixels without an accepted neighbour are no longer candidates."""
     for k in numba.prange(blocks.shape[0]):
         top, bottom, left, right = _box(blocks, k, size, flags)
         for y in range(top, bottom):
@@ -158,7 +159,7 @@ def _judge_spared(
     tracer: Tracer, camera: F64, coding: Coding, codes: U16, flags: U8, delta: Delta, blocks: I64,
     size: tuple[int, int], counts: I64,
 ) -> None:  # fmt: skip
-    """The other spared pixels are judged after all."""
+    """Judges the other spared pixels by rays of their own."""
     for k in numba.prange(blocks.shape[0]):
         top, bottom, left, right = _box(blocks, k, size, flags)
         for y in range(top, bottom):
@@ -171,7 +172,7 @@ def _judge_spared(
 
 @parallel
 def _confirm(flags: U8, neighbours: int, blocks: I64, size: tuple[int, int]) -> None:
-    """Accepted pixels with enough neighbours are confirmed."""
+    """Confirms accepted pixels with enough neighbours."""
     needed = neighbours + 1  # the pixel itself is among those around it
     for k in numba.prange(blocks.shape[0]):
         top, bottom, left, right = _box(blocks, k, size, flags)
@@ -186,7 +187,7 @@ def _confirm(flags: U8, neighbours: int, blocks: I64, size: tuple[int, int]) -> 
 
 @parallel
 def _keep(flags: U8, blocks: I64, size: tuple[int, int], counts: I64) -> None:
-    """Confirmed pixels are kept; others that were accepted are candidates again next time."""
+    """Keeps confirmed pixels; other accepted pixels are candidates again next time."""
     for k in numba.prange(blocks.shape[0]):
         top, bottom, left, right = _box(blocks, k, size, flags)
         kept, lone = 0, 0
@@ -208,13 +209,13 @@ def filter_pixels(
 ) -> None:  # fmt: skip
     """The filter of Fig. 6b: an updated pixel is kept if its point is more than delta behind the farthest hit.
 
-    It also needs `neighbours` of its eight neighbours to be in the P-PBS, or accepted: what someone uncovers is a
-    region, a wrong depth mostly a lone pixel. With 3, the corner of two by two pixels is enough.
+    At least `neighbours` of its eight neighbours must be in the P-PBS or accepted too: a surface that someone uncovers
+    is a region, a wrong depth is mostly a lone pixel. With 3, a group of 2 x 2 pixels is enough.
 
-    Looks at blocks [n, 2] of `size` pixels (rows and columns, even) only, which must hold all updated ones. Four pixels
-    on one surface are first asked by one ray; only if it finds them new, or pixels beside them are, each gets its own.
-    In flags [h, w] (see `flags`) none is UPDATED afterwards but lone pixels: these are candidates again next time.
-    counts [n, COUNTS_SIZE]: see the constants.
+    Only the blocks [n, 2] of `size` pixels (rows and columns, even) are filtered; they must contain all updated pixels.
+    Four pixels on one surface first share one ray. Each gets its own ray only if the shared one finds them new, or if
+    neighbouring pixels are new. Afterwards, in flags [h, w] (see `flags`), only lone pixels are still UPDATED: they are
+    candidates again next time. counts [n, COUNTS_SIZE]: see the constants.
     """
     _judge_candidates(tracer, camera, coding, codes, flags, delta, blocks, size, counts)
     _drop_spared(flags, blocks, size)

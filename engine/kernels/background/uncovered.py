@@ -1,7 +1,7 @@
-"""Where the views that are drawn may leave holes for an eye that is not quite known: the rest needs no background.
+"""Where the drawn views may leave holes for an eye whose place is known roughly: only there a background is needed.
 
-A view's surface hides what is behind it from an eye near by, but for what is near its cuts, or near the border of its
-picture: nothing else can open when the eye moves. Views are looked at in blocks, and the picture of the background in
+When the eye moves a little, a view's surface can leave holes only near its cuts and near the border of its picture;
+elsewhere it still hides everything behind it. Views are processed in blocks, and the picture of the background in
 cells, one view after the other.
 """
 
@@ -35,19 +35,20 @@ from ..geometry.cuts import BROKEN
 
 __all__ = ["BLOCK", "CELL", "mark_uncovered"]
 
-BLOCK = 16  # pixels of a view
-CELL = 4  # pixels of the background's picture
+BLOCK = 16  # side, pixels of a view
+CELL = 4  # side, pixels of the background's picture
 _CODES, _CUTS = 0, 4  # columns of the addresses of views
 _COVERED, _CUT = 1, 2  # bits of a cell
-_FARTHEST = 6  # cells that an eye's moves may shift a surface by; what shifts more is not relied on
-_WIDEST = 40  # cells; blocks whose images are larger are not relied on
+_FARTHEST = 6  # cells: a surface that the eye's motion may shift by more does not count as covering
+_WIDEST = 40  # cells: blocks with larger images do not count as covering
 _WORD_BROKEN = BROKEN * 0x0101010101010101
 
 
 @serial
 def _look_at_corners(view: F64, codes: int, camera: F64, row: int, pixels: F64, images: F64) -> None:
-    """images [3, columns + 1]: u, v and depth in the background's picture of the corners of a row of blocks; depth 0
-    where a corner has none. Corners are pixels of every sixteenth row and column, and of the last. pixels: room."""
+    """images [3, columns + 1]: u, v and depth, in the background's picture, of the corners of a row of blocks; depth 0
+    for corners without depth. Corners are the pixels of every sixteenth row and column, and of the last ones. pixels:
+    scratch memory."""
     w, y, count = int(view[WIDTH]), min(BLOCK * row, int(view[HEIGHT]) - 1), images.shape[1]
     for i in range(count):
         x = min(BLOCK * i, w - 1)
@@ -62,7 +63,7 @@ def _look_at_corners(view: F64, codes: int, camera: F64, row: int, pixels: F64, 
 
 @inlined
 def _any_cut(flags: int, w: int, top: int, bottom: int, left: int, right: int) -> bool:
-    """Whether a cut touches one of a block's pixels; the last ones belong to it."""
+    """Whether a cut touches one of a block's pixels, including its last row and column."""
     found, last = 0, right - 7
     for y in range(top, bottom + 1):
         line = flags + y * w
@@ -78,7 +79,7 @@ def _any_cut(flags: int, w: int, top: int, bottom: int, left: int, right: int) -
 
 @inlined
 def _mark(cells: U8, nearest: F32, bit: int, box: tuple[float, float, float, float], depth: float) -> None:
-    """Sets a bit of the cells that a box [u, v, u, v] of the picture touches, and keeps the nearest depth."""
+    """Sets a bit of the cells that a box (u, v, u, v) of the picture touches, and keeps their nearest depth."""
     rows, columns = cells.shape
     left, right = max(math.floor(box[0] / CELL), 0), min(math.floor(box[2] / CELL), columns - 1)
     top, bottom = max(math.floor(box[1] / CELL), 0), min(math.floor(box[3] / CELL), rows - 1)
@@ -90,7 +91,7 @@ def _mark(cells: U8, nearest: F32, bit: int, box: tuple[float, float, float, flo
 
 @serial
 def _mark_view(view: F64, codes: int, flags: int, camera: F64, cells: U8, nearest: F32) -> None:
-    """Marks the cells that a view's surface lies in, and those that its cuts and its border lie in."""
+    """Marks the cells with a view's surface as _COVERED, and those with its cuts and its border as _CUT."""
     w, h = int(view[WIDTH]), int(view[HEIGHT])
     rows, columns = max(1, (h - 2) // BLOCK + 1), max(1, (w - 2) // BLOCK + 1)
     border = view[WRAPS] == 0.0
@@ -127,7 +128,7 @@ def _mark_view(view: F64, codes: int, flags: int, camera: F64, cells: U8, neares
 
 @inlined
 def _pixels_a_radian(camera: F64, u: float, v: float) -> float:
-    """By how many pixels, at most, a point at depth 1 moves in a picture for each length that the camera moves by."""
+    """The largest motion of a point at depth 1 in a picture, pixels, per unit of the camera's motion."""
     if camera[KIND] == PERSPECTIVE:
         y, z = (camera[CX] - u) / camera[FX], (camera[CY] - v) / camera[FY]
         return max(abs(camera[FX]), abs(camera[FY])) * math.sqrt(1.0 + y * y + z * z)
@@ -137,7 +138,7 @@ def _pixels_a_radian(camera: F64, u: float, v: float) -> float:
 
 @inlined
 def _safe(cells: U8, y: int, x: int, reach: int) -> bool:
-    """Whether all cells up to `reach` away are covered, and none is cut."""
+    """Whether all cells up to `reach` cells away are covered, and none is cut."""
     rows, columns = cells.shape
     for j in range(max(y - reach, 0), min(y + reach, rows - 1) + 1):
         for i in range(max(x - reach, 0), min(x + reach, columns - 1) + 1):
@@ -149,9 +150,9 @@ def _safe(cells: U8, y: int, x: int, reach: int) -> bool:
 @parallel
 def mark_uncovered(table: F64, addresses: I64, camera: F64, reach_m: float, wanted: U8) -> None:
     """wanted [ceil(h / CELL), ceil(w / CELL)] of a camera's picture: 1 where an eye up to `reach_m` metres away from
-    the camera may look past what all of some views show, else 0.
+    the camera may see past the surfaces of all views, else 0.
 
-    table, addresses: the views as `kernels.base.view_table` has them, with cuts.
+    table, addresses: the views, see `kernels.base.view_table`, with cuts.
     """
     rows, columns = wanted.shape
     views = table.shape[0]

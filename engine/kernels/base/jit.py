@@ -1,8 +1,8 @@
 """How kernels are compiled: the options of Numba, spelled once.
 
-All are cached on disk, and divide as NumPy does: a division by zero gives infinity or NaN instead of an exception.
-Each is used as `@serial`, or with more options as `@serial(fastmath={"contract"})`. To a type checker kernels are
-untyped: their scalars are of more types than it knows to be numbers.
+All kernels are cached on disk, and divide as NumPy does: a division by zero gives infinity or NaN instead of an
+exception. Each decorator is used as `@serial`, or with more options as `@serial(fastmath={"contract"})`. Kernels are
+untyped for type checkers, because their scalars have more types than checkers accept as numbers.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ __all__ = ["inlined", "inlined_late", "parallel", "serial"]
 
 
 def _decorator(**options: Any) -> Any:
-    """A decorator that compiles with these options, which may be given more."""
+    """A decorator that compiles with these options; its use may add more."""
 
     def decorate(function: Any = None, **more: Any) -> Any:
         compiled = numba.njit(cache=True, error_model="numpy", **options, **more)

@@ -1,7 +1,7 @@
 """Vector operations on rows of 64 pixels, and bits of words.
 
-Bit x of a word (int64) stands for column x of a row. Addresses are in bytes. As `simd`, this is compiled
-(`lanes_llvm`) or, where nothing is, done by NumPy (`lanes_numpy`).
+Bit x of a word (int64) stands for column x of a row. Addresses are in bytes. Like `simd`, this is compiled
+(`lanes_llvm`), or done by NumPy if nothing is compiled (`lanes_numpy`).
 """
 
 from __future__ import annotations

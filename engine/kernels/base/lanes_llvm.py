@@ -1,4 +1,4 @@
-"""Operations of `lanes` in compiled code, as LLVM has them; nothing is checked."""
+"""Operations of `lanes` in compiled code (LLVM); nothing is checked."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _store(builder: Any, vector: Any, address: Any) -> None:
 
 
 def _all(builder: Any, value: Any, kind: Any = _CODES) -> Any:
-    """A vector of equal lanes, of the low bits of a value."""
+    """A vector with the low bits of a value in all lanes."""
     single = builder.insert_element(
         ir.Constant(kind, ir.Undefined), builder.trunc(value, kind.element), ir.Constant(_I32, 0)
     )
@@ -40,7 +40,7 @@ def _all(builder: Any, value: Any, kind: Any = _CODES) -> Any:
 
 
 def _call(builder: Any, name: str, *vectors: Any) -> Any:
-    """An operation that LLVM knows by name, such as a saturating sum, on vectors of codes."""
+    """A call of an LLVM intrinsic, such as a saturating sum, on vectors of codes."""
     signature = ir.FunctionType(_CODES, [_CODES] * len(vectors))
     function = cgutils.get_or_insert_function(builder.module, signature, f"llvm.{name}.v{LANES}i16")
     return builder.call(function, vectors)
@@ -64,7 +64,7 @@ def _zero(kind: Any = _CODES) -> Any:
 
 @intrinsic
 def ones(typingctx: Any, word: Any) -> Any:
-    """How many bits of a word are set."""
+    """The number of set bits of a word."""
     return _int(_int), lambda context, builder, signature, args: builder.ctpop(args[0])
 
 
@@ -80,7 +80,7 @@ def lowest(typingctx: Any, word: Any) -> Any:
 
 @intrinsic
 def bits_of(typingctx: Any, address: Any, mask: Any) -> Any:
-    """Which of 64 bytes have a bit of the mask."""
+    """A word: which of 64 bytes have a bit of the mask."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         row = builder.and_(_load(builder, args[0], _BYTES), _all(builder, args[1], _BYTES))
@@ -91,7 +91,7 @@ def bits_of(typingctx: Any, address: Any, mask: Any) -> Any:
 
 @intrinsic
 def bytes_from(typingctx: Any, a: Any, b: Any, c: Any, d: Any, e: Any, target: Any) -> Any:
-    """64 bytes whose lowest five bits are those of five words."""
+    """Write 64 bytes at `target`; their lowest five bits are those of five words."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         row = _zero(_BYTES)
@@ -106,7 +106,7 @@ def bytes_from(typingctx: Any, a: Any, b: Any, c: Any, d: Any, e: Any, target: A
 
 @intrinsic
 def codes_there(typingctx: Any, address: Any) -> Any:
-    """Which of 64 codes are not 0."""
+    """A word: which of 64 codes are not 0."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return _word(builder, builder.icmp_unsigned("!=", _load(builder, args[0]), _zero()))
@@ -116,7 +116,7 @@ def codes_there(typingctx: Any, address: Any) -> Any:
 
 @intrinsic
 def differ(typingctx: Any, a: Any, b: Any) -> Any:
-    """Which of 64 codes are not equal."""
+    """A word: which of 64 pairs of codes differ."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         a, b = (_load(builder, address) for address in args)
@@ -138,7 +138,7 @@ def move(typingctx: Any, source: Any, target: Any) -> Any:
 
 @intrinsic
 def mark(typingctx: Any, word: Any, target: Any) -> Any:
-    """64 codes: 65535 where a word's bit is set, 0 elsewhere."""
+    """Write 64 codes at `target`: 65535 where a word's bit is set, else 0."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         _store(builder, builder.sext(_mask(builder, args[0]), _CODES), args[1])
@@ -151,10 +151,10 @@ def mark(typingctx: Any, word: Any, target: Any) -> Any:
 def cuts(
     typingctx: Any, before: Any, a: Any, b: Any, after: Any, edge: Any, odd: Any, has_invalid: Any
 ) -> Any:  # fmt: skip
-    """Where no surface joins pixels a and b of four in a row (addresses of 64 codes each).
+    """A word: where no surface joins pixels a and b, the middle two of four in line (addresses of 64 codes each).
 
-    One is invalid, or their step is more than `edge` plus one and a half times the smaller slope on either side: in
-    whole codes, with `odd` (0 or 1) added where that slope is odd.
+    That is where one is invalid, or where their step is more than `edge` plus one and a half times the smaller of the
+    slopes on both sides: in whole codes, with `odd` (0 or 1) added where that slope is odd.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -180,7 +180,7 @@ def cuts(
 
 
 def _deviation(builder: Any, code: Any, a: Any, b: Any) -> Any:
-    """Twice the distance of codes from the middles of two others."""
+    """Twice the distance of codes from the means of two others."""
     sides = []
     for names in (((code, a), (code, b)), ((a, code), (b, code))):
         sides.append(_call(builder, "uadd.sat", *(_call(builder, "usub.sat", *pair) for pair in names)))
@@ -198,10 +198,10 @@ def _largest(builder: Any, *vectors: Any) -> Any:
 def side_errors(
     typingctx: Any, code: Any, a: Any, b: Any, least: Any, above: Any, below: Any, reach: Any, limit: Any, out: Any
 ) -> Any:
-    """Errors of the middles of sides between a and b, written to `out`; which exceed a limit (see
-    `kernels.geometry.splits`).
+    """Write the errors of the middles of sides between a and b to `out`; returns a word: which of them exceed `limit`
+    (see `kernels.geometry.splits`).
 
-    Their children's stand `reach` bytes to either side of the places `above` and `below`.
+    The errors of their children are `reach` bytes before and behind the addresses `above` and `below`.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -222,10 +222,10 @@ def square_errors(
     typingctx: Any, code: Any, reach_down: Any, reach: Any, falling: Any, least: Any, side: Any, lanes: Any,
     limit: Any, out: Any,
 ) -> Any:  # fmt: skip
-    """Errors of the middles of squares, written to `out`, 0 beside `lanes`; which of these exceed a limit.
+    """Write the errors of the middles of squares to `out`, 0 outside `lanes`; returns a word: which exceed `limit`.
 
-    Corners stand `reach` bytes to either side and `reach_down` above and below, as do the errors of the sides' middles
-    round `side`. The diagonal goes down-right where `falling` is set.
+    Corners are `reach` bytes to either side of `code`, and `reach_down` bytes above and below; so are the errors of the
+    sides' middles round `side`. The diagonal goes down-right where `falling` is set.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:

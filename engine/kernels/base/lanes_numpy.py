@@ -1,4 +1,4 @@
-"""Operations of `lanes` by NumPy, where nothing is compiled; addresses are looked up in `live_arrays`, and checked."""
+"""Operations of `lanes` by NumPy, if nothing is compiled; addresses are looked up in `live_arrays` and checked."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _truths(word: int) -> B1:
 
 
 def ones(word: int) -> int:
-    """How many bits of a word are set."""
+    """The number of set bits of a word."""
     return (int(word) & 0xFFFFFFFFFFFFFFFF).bit_count()
 
 
@@ -59,12 +59,12 @@ def lowest(word: int) -> int:
 
 
 def bits_of(address: int, mask: int) -> int:
-    """Which of 64 bytes have a bit of the mask."""
+    """A word: which of 64 bytes have a bit of the mask."""
     return _word((bytes_at(address, 0, 1, LANES) & np.uint8(mask)) != 0)
 
 
 def bytes_from(a: int, b: int, c: int, d: int, e: int, target: int) -> None:
-    """64 bytes whose lowest five bits are those of five words."""
+    """Write 64 bytes at `target`; their lowest five bits are those of five words."""
     out = np.zeros(LANES, np.uint8)
     for k, word in enumerate((a, b, c, d, e)):
         out |= _truths(word).astype(np.uint8) << np.uint8(k)
@@ -72,12 +72,12 @@ def bytes_from(a: int, b: int, c: int, d: int, e: int, target: int) -> None:
 
 
 def codes_there(address: int) -> int:
-    """Which of 64 codes are not 0."""
+    """A word: which of 64 codes are not 0."""
     return _word(_load(address) != 0)
 
 
 def differ(a: int, b: int) -> int:
-    """Which of 64 codes are not equal."""
+    """A word: which of 64 pairs of codes differ."""
     return _word(_load(a) != _load(b))
 
 
@@ -87,12 +87,12 @@ def move(source: int, target: int) -> None:
 
 
 def mark(word: int, target: int) -> None:
-    """64 codes: 65535 where a word's bit is set, 0 elsewhere."""
+    """Write 64 codes at `target`: 65535 where a word's bit is set, else 0."""
     _store(target, np.where(_truths(word), 65535, 0))
 
 
 def cuts(before: int, a: int, b: int, after: int, edge: int, odd: int, has_invalid: bool) -> int:
-    """Where no surface joins pixels a and b of four in a row (addresses of 64 codes each); see `lanes_llvm`."""
+    """A word: where no surface joins pixels a and b, the middle two of four in line; see `lanes_llvm`."""
     p, q, r, s = (_load(address) for address in (before, a, b, after))
     edge, odd = int(edge) & 65535, int(odd)
 
@@ -106,7 +106,7 @@ def cuts(before: int, a: int, b: int, after: int, edge: int, odd: int, has_inval
 
 
 def _deviation(code: _CODES, a: _CODES, b: _CODES) -> _CODES:
-    """Twice the distance of codes from the middles of two others, as far as codes go."""
+    """Twice the distance of codes from the means of two others, at most 65535."""
     above = np.minimum(np.maximum(code - a, 0) + np.maximum(code - b, 0), 65535)
     below = np.minimum(np.maximum(a - code, 0) + np.maximum(b - code, 0), 65535)
     return abs(above - below)
@@ -115,7 +115,7 @@ def _deviation(code: _CODES, a: _CODES, b: _CODES) -> _CODES:
 def side_errors(
     code: int, a: int, b: int, least: int, above: int, below: int, reach: int, limit: int, out: int
 ) -> int:
-    """Errors of the middles of sides between a and b, written to `out`; which exceed a limit: see `lanes_llvm`."""
+    """Write the errors of the middles of sides to `out`; returns which exceed `limit`: see `lanes_llvm`."""
     children = np.max([_load(row + offset) for row in (above, below) for offset in (-reach, reach)], axis=0)
     error = np.minimum(_deviation(_load(code), _load(a), _load(b)) + children, 65535) | _load(least)
     _store(out, error)
@@ -125,7 +125,7 @@ def side_errors(
 def square_errors(
     code: int, reach_down: int, reach: int, falling: int, least: int, side: int, lanes: int, limit: int, out: int
 ) -> int:
-    """Errors of the middles of squares, written to `out`, 0 beside `lanes`; which exceed a limit: see `lanes_llvm`."""
+    """Write the errors of the middles of squares to `out`; returns which exceed `limit`: see `lanes_llvm`."""
 
     def around(place: int, down: int, right: int) -> _CODES:
         return _load(place + down * reach_down + right * reach)

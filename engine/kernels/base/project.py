@@ -1,7 +1,4 @@
-"""Projection of single points, both ways, over packed cameras.
-
-`support.packed` has the layout of a packed camera.
-"""
+"""Projection and back-projection of single points with packed cameras (layout: `support.packed`)."""
 
 from __future__ import annotations
 
@@ -55,7 +52,7 @@ __all__ = [
 
 @inlined
 def arc_tangent_of_ratio(ratio: Any) -> Any:
-    """Arc tangent of a number, or of a vector of them, in [0, 1], by a minimax polynomial: within 4e-8 rad."""
+    """Arc tangent of a number, or of a vector of numbers, in [0, 1], by a minimax polynomial: within 4e-8 rad."""
     s = ratio * ratio
     r = 0.0218629205 - 0.00405455675 * s
     r = 0.0964219347 + s * (-0.0559122734 + s * r)
@@ -75,7 +72,7 @@ def arc_tangent(y: float, x: float) -> float:
 
 @inlined(fastmath={"contract", "nnan", "nsz"})
 def cosine_sine(angle: float) -> tuple[float, float]:
-    """Both by their series within an eighth of a turn: within 1e-11, and free of branches."""
+    """Both functions, by their series within an eighth of a turn: within 1e-11, and free of branches."""
     quarter = math.floor(angle * (2.0 / math.pi) + 0.5)
     r = angle - quarter * (0.5 * math.pi)
     s = r * r
@@ -95,7 +92,7 @@ def cosine_sine(angle: float) -> tuple[float, float]:
 
 @inlined
 def position(camera: F64) -> tuple[float, float, float]:
-    """Where a camera is, relative to the scene origin, metres."""
+    """A camera's position relative to the scene origin, metres."""
     return camera[POSITION_X], camera[POSITION_Y], camera[POSITION_Z]
 
 
@@ -130,7 +127,7 @@ def project_point(camera: F64, x: float, y: float, z: float) -> tuple[float, flo
     else:
         square = cx * cx + cy * cy
         u = (camera[PHI_MAX] - arc_tangent(cy, cx)) / camera[RADIANS_A_COLUMN]
-        # The azimuth is known up to a turn: take the one nearest to the picture's middle.
+        # Of the azimuths that differ by whole turns, take the one nearest to the picture's middle.
         turn = 2.0 * math.pi / camera[RADIANS_A_COLUMN]
         u -= turn * math.floor((u - 0.5 * camera[WIDTH]) / turn + 0.5)
         v = (camera[THETA_MAX] - arc_tangent(cz, math.sqrt(square))) / camera[RADIANS_A_ROW]
@@ -164,9 +161,10 @@ else:
 
 @serial(fastmath={"contract", "nnan", "nsz"})
 def project_pixels(camera: F64, other: F64, pixels: F64, images: F64, count: int) -> None:
-    """images [3, >= count]: u, v and depth in another camera of pixels [3, >= count] u, v and disparity of a first.
+    """Projects pixels of a camera into another one. pixels [3, >= count]: u, v and disparity in the first; images
+    [3, >= count]: u, v and depth in the other.
 
-    Tuples, unlike arrays, keep what is the same for all pixels in registers: this compiles to vector instructions.
+    The cameras are read into tuples, which stay in registers, unlike arrays: so this compiles to vector instructions.
     """
     first, second = to_fixed_tuple(camera, CAMERA_SIZE), to_fixed_tuple(other, CAMERA_SIZE)
     for i in range(count):

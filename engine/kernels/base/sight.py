@@ -1,4 +1,4 @@
-"""What a view says of a point of the world: it looks through it, or it shows a surface there, or neither."""
+"""A view's evidence on a point of the world: it sees past the point, or it shows a surface there, or neither."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ __all__ = ["looks_through", "shows"]
 
 @inlined
 def _image(row: F64, x: float, y: float, z: float, delta: Delta) -> tuple[int, float, float]:
-    """Index of the first of the four texels round a point's image in a view, its depth, and delta there in metres;
-    -1 where there are none, or where the view is nearer than that."""
+    """Index of the first of the four texels round a point's image in a view, the point's depth, and delta at that depth
+    in metres; index -1 if there are no such texels, or if the view is nearer than delta."""
     u, v, depth = project_point(row, x, y, z)
     margin = delta_at(delta, depth)
     if not (depth > margin and u >= 0.5 and v >= 0.5 and u <= row[WIDTH] - 0.5 and v <= row[HEIGHT] - 0.5):
@@ -27,9 +27,10 @@ def _image(row: F64, x: float, y: float, z: float, delta: Delta) -> tuple[int, f
 
 @inlined
 def looks_through(row: F64, codes: int, x: float, y: float, z: float, delta: Delta, texels: int = 4) -> bool:
-    """Whether a view sees farther, by more than delta, on so many of the four texels round a point's image.
+    """Whether a view sees past a point: at least `texels` of the four texels round its image are farther by more than
+    delta.
 
-    row: of a view table (`kernels.base.view_table`), codes: address of depth codes of its size.
+    row: of a view table (`kernels.base.view_table`); codes: address of depth codes of the view's size.
     """
     texel, depth, margin = _image(row, x, y, z, delta)
     if texel < 0:
@@ -44,7 +45,7 @@ def looks_through(row: F64, codes: int, x: float, y: float, z: float, delta: Del
 
 @inlined
 def shows(row: F64, codes: int, x: float, y: float, z: float, delta: Delta) -> bool:
-    """Whether the four texels round a point's image are one surface, which passes within delta of the point.
+    """Whether the four texels round a point's image are one surface that passes within delta of the point.
 
     row and codes as in `looks_through`.
     """

@@ -1,10 +1,10 @@
 """Vectors in kernels: sixteen floats, integers or truths that compiled code computes with as with scalars.
 
-Loops that gather from pictures do not become vector code by themselves. These types have the operators of NumPy arrays
-(arithmetic, comparisons, & | ^ >> <<), Python numbers are spread over all lanes, and the functions below do the rest.
-LLVM turns them into what the processor has, one AVX-512 register or several smaller (`simd_llvm`). Where nothing is
-compiled (NUMBA_DISABLE_JIT=1), in a debugger or to count which lines run, NumPy stands in (`simd_numpy`); type checkers
-read that, too. How vectors come from memory and go there, `memory` tells.
+Compilers do not vectorise loops that gather from pictures. These types have the operators of NumPy arrays (arithmetic,
+comparisons, & | ^ >> <<); Python numbers are spread over all lanes; the functions below do the rest. LLVM maps them to
+the registers of the processor, one of AVX-512 or several smaller ones (`simd_llvm`). If nothing is compiled
+(NUMBA_DISABLE_JIT=1), for a debugger or for line coverage, NumPy takes their place (`simd_numpy`); type checkers read
+that, too. `memory` has the loads and stores of vectors.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Operations of `simd` in compiled code: LLVM turns them into what the processor has."""
+"""Operations of `simd` in compiled code: LLVM maps them to instructions of the processor."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def spread(typingctx: Any, number: Any) -> Any:
 
 @intrinsic
 def select(typingctx: Any, condition: Any, yes: Any, no: Any) -> Any:
-    """Of each lane yes where the condition is true, no elsewhere; one of them may be a number."""
+    """In each lane, `yes` if the condition is true, else `no`; one of them may be a number."""
     kind = yes if isinstance(yes, Vector) else no
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -139,7 +139,7 @@ def any_of(typingctx: Any, x: Any) -> Any:
 
 
 def _pick(lanes: Iterable[int]) -> Any:
-    """Code of a choice among the lanes of two vectors in a row."""
+    """The code that chooses lanes of two concatenated vectors."""
     order = order_of(lanes)
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -150,25 +150,25 @@ def _pick(lanes: Iterable[int]) -> Any:
 
 @intrinsic
 def evens(typingctx: Any, x: Any, y: Any) -> Any:
-    """Lanes 0, 2, 4 ... of two vectors in a row."""
+    """Lanes 0, 2, 4 ... of two concatenated vectors."""
     return x(x, x), _pick(range(0, 2 * LANES, 2))
 
 
 @intrinsic
 def odds(typingctx: Any, x: Any, y: Any) -> Any:
-    """Lanes 1, 3, 5 ... of two vectors in a row."""
+    """Lanes 1, 3, 5 ... of two concatenated vectors."""
     return x(x, x), _pick(range(1, 2 * LANES, 2))
 
 
 @intrinsic
 def zipped(typingctx: Any, x: Any, y: Any) -> Any:
-    """The first eight lanes of two vectors in turn."""
+    """The first eight lanes of two vectors, interleaved."""
     return x(x, x), _pick([lane // 2 + lane % 2 * LANES for lane in range(LANES)])
 
 
 @intrinsic
 def zipped_rest(typingctx: Any, x: Any, y: Any) -> Any:
-    """The last eight lanes of two vectors in turn."""
+    """The last eight lanes of two vectors, interleaved."""
     return x(x, x), _pick([(LANES + lane) // 2 + lane % 2 * LANES for lane in range(LANES)])
 
 
@@ -184,7 +184,7 @@ def lane_numbers(typingctx: Any) -> Any:
 
 @intrinsic
 def sum_pairs(typingctx: Any, pairs: Any, shares: Any) -> Any:
-    """Sums of two products each: of the int16 in the lower and in the upper half of integers."""
+    """In each lane the sum of two products: of the int16 in the lower and in the upper halves of the integers."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         halves = ir.VectorType(ir.IntType(16), 2 * LANES)

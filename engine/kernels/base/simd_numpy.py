@@ -1,7 +1,7 @@
-"""Operations of `simd` by NumPy, where nothing is compiled, and as type checkers see them.
+"""Operations of `simd` by NumPy, if nothing is compiled, and for type checkers.
 
-They compute what compiled code does, but for the last bit of sums of products, which that may round once instead of
-twice.
+Results are those of compiled code, except for the last bit of sums of products: compiled code may round them once
+instead of twice.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def select(condition: Mask, yes: Integers | Whole, no: Integers) -> Integers: ..
 @overload
 def select(condition: Mask, yes: Integers, no: Whole) -> Integers: ...
 def select(condition: Mask, yes: object, no: object) -> object:
-    """Of each lane yes where the condition is true, no elsewhere; one of them may be a number."""
+    """In each lane, `yes` if the condition is true, else `no`; one of them may be a number."""
     if isinstance(yes, Integers) or isinstance(no, Integers):
         return Integers(np.where(condition.lanes, as_integers(yes), as_integers(no)))  # type: ignore[arg-type]
     return Floats(np.where(condition.lanes, as_floats(yes), as_floats(no)))  # type: ignore[arg-type]
@@ -63,7 +63,7 @@ def minimum(x: Floats, y: Floats | Number) -> Floats: ...
 @overload
 def minimum(x: Integers, y: Integers | Whole) -> Integers: ...
 def minimum(x: Floats | Integers, y: object) -> object:
-    """The smaller of two in each lane; the second may be a number, and is taken where one of them is no number."""
+    """The smaller of two in each lane; the second may be a number, and is taken where one of them is NaN."""
     return select(x < y, x, y)  # type: ignore[operator,call-overload]
 
 
@@ -72,7 +72,7 @@ def maximum(x: Floats, y: Floats | Number) -> Floats: ...
 @overload
 def maximum(x: Integers, y: Integers | Whole) -> Integers: ...
 def maximum(x: Floats | Integers, y: object) -> object:
-    """The larger of two in each lane; the second may be a number, and is taken where one of them is no number."""
+    """The larger of two in each lane; the second may be a number, and is taken where one of them is NaN."""
     return select(x > y, x, y)  # type: ignore[operator,call-overload]
 
 
@@ -108,27 +108,27 @@ def any_of(x: Mask) -> bool:
 
 
 def _picked(x: V, y: V, lanes: npt.ArrayLike) -> V:
-    """Lanes of two vectors in a row."""
+    """Some lanes of two concatenated vectors."""
     return type(x)(np.concatenate([x.lanes, y.lanes])[np.asarray(lanes)])
 
 
 def evens(x: V, y: V) -> V:
-    """Lanes 0, 2, 4 ... of two vectors in a row."""
+    """Lanes 0, 2, 4 ... of two concatenated vectors."""
     return _picked(x, y, np.arange(0, 2 * LANES, 2))
 
 
 def odds(x: V, y: V) -> V:
-    """Lanes 1, 3, 5 ... of two vectors in a row."""
+    """Lanes 1, 3, 5 ... of two concatenated vectors."""
     return _picked(x, y, np.arange(1, 2 * LANES, 2))
 
 
 def zipped(x: V, y: V) -> V:
-    """The first eight lanes of two vectors in turn."""
+    """The first eight lanes of two vectors, interleaved."""
     return _picked(x, y, np.arange(2 * LANES).reshape(2, LANES).T.ravel()[:LANES])
 
 
 def zipped_rest(x: V, y: V) -> V:
-    """The last eight lanes of two vectors in turn."""
+    """The last eight lanes of two vectors, interleaved."""
     return _picked(x, y, np.arange(2 * LANES).reshape(2, LANES).T.ravel()[LANES:])
 
 
@@ -138,6 +138,6 @@ def lane_numbers() -> Floats:
 
 
 def sum_pairs(pairs: Integers, shares: Integers) -> Integers:
-    """Sums of two products each: of the int16 in the lower and in the upper half of integers."""
+    """In each lane the sum of two products: of the int16 in the lower and in the upper halves of the integers."""
     a, b = (v.lanes.view(np.int16).reshape(LANES, 2).astype(np.int32) for v in (pairs, shares))
     return Integers((a * b).sum(axis=1, dtype=np.int32))

@@ -1,4 +1,4 @@
-"""Tone: an affine change of colour codes, luma by itself and each chroma with some of the luma.
+"""Tone: an affine map of colour codes. Luma is mapped by itself; each chroma gets a share of the luma.
 
 A packed tone is float64 [TONE_SIZE] over 10-bit codes:
 y' = Y_GAIN y + Y_OFFSET, cb' = CB_GAIN cb + CB_FROM_Y y + CB_OFFSET, cr' = CR_GAIN cr + CR_FROM_Y y + CR_OFFSET.
@@ -38,7 +38,7 @@ LARGEST = 1023.0  # code
 
 @inlined
 def toned(tone: F64, y: float, cb: float, cr: float) -> tuple[float, float, float]:
-    """A colour in another tone, not limited to what codes can hold."""
+    """A colour with a tone applied, not clipped to the range of codes."""
     return (
         tone[Y_GAIN] * y + tone[Y_OFFSET],
         tone[CB_GAIN] * cb + tone[CB_FROM_Y] * y + tone[CB_OFFSET],
@@ -61,7 +61,7 @@ def mean_luma(y: U16, row: int, x: int) -> float:
 
 @parallel
 def tone_picture(tone: F64, y: U16, cb: U16, cr: U16, out_y: U16, out_cb: U16, out_cr: U16) -> None:
-    """Write a 4:2:0 picture in another tone; the luma of a chroma sample is the mean of its pixels."""
+    """Write a 4:2:0 picture with a tone applied; the luma for a chroma sample is the mean of its pixels."""
     h, w = y.shape
     for pair in numba.prange((h + 1) // 2):
         for x in range((w + 1) // 2):

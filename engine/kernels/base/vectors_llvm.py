@@ -1,7 +1,7 @@
-"""Vector types of compiled code and their operators: sixteen float32, int32 or truths, as LLVM has them.
+"""Vector types of compiled code (LLVM) and their operators: sixteen float32, int32 or truths.
 
-`simd` says what they are for. Here they are declared to Numba; NumPy's operators (arithmetic, comparisons, & | ^ >> <<)
-become single instructions, and Python numbers are spread over all lanes.
+`simd` explains their purpose. Here they are declared to Numba; NumPy's operators (arithmetic, comparisons,
+& | ^ >> <<) become single instructions, and Python numbers are spread over all lanes.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FLAGS = ("nsz", "arcp", "contract")  # products may be fused with sums
 
 
 class Vector(types.Type):
-    """The type of sixteen numbers of a kind: floats (float32), integers (int32) or truths (a mask)."""
+    """The type of sixteen values of a kind: floats (float32), integers (int32) or truths (a mask)."""
 
     def __init__(self, kind: str) -> None:
         self.kind = kind
@@ -80,7 +80,7 @@ def _cast(context: Any, builder: Any, source: Any, target: Any, value: Any) -> A
 
 
 def _define(name: str, build: Callable[..., Any], result: Vector, *arguments: Vector) -> None:
-    """What an operator, and its form in place, does with vectors: build(builder, *values)."""
+    """Define an operator on vectors, and its in-place form, by its code: build(builder, *values)."""
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return build(builder, *args)
@@ -127,5 +127,5 @@ def call_intrinsic(builder: Any, name: str, result: Any, *values: Any, **options
 
 
 def order_of(lanes: Iterable[int]) -> Any:
-    """Lanes as a choice of `shuffle_vector`."""
+    """The numbers of lanes as the mask of `shuffle_vector`."""
     return ir.Constant(ir.VectorType(ir.IntType(32), LANES), list(lanes))

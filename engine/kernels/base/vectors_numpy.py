@@ -1,6 +1,6 @@
-"""Vector types where nothing is compiled: sixteen float32, int32 or truths, in arrays of NumPy's.
+"""Vector types if nothing is compiled: sixteen float32, int32 or truths, in NumPy arrays.
 
-They have the operators of those that compiled code has (`vectors_llvm`).
+They have the operators of the types of compiled code (`vectors_llvm`).
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Floats:
         return Mask(self.lanes == as_floats(other))
 
     def __ne__(self, other: Floats | Number) -> Mask:  # type: ignore[override]
-        values = as_floats(other)  # "ordered and not equal", as compiled code has it: false where one is no number
+        values = as_floats(other)  # "ordered and not equal", as in compiled code: false where one is NaN
         return Mask((self.lanes < values) | (self.lanes > values))
 
     __hash__ = None  # type: ignore[assignment]
@@ -99,7 +99,7 @@ class Floats:
 
 
 class Integers:
-    """Sixteen int32, which wrap round; shifted to the right as if unsigned."""
+    """Sixteen int32, which wrap round; shifts to the right are unsigned."""
 
     __slots__ = ("lanes",)
 
@@ -166,12 +166,12 @@ def _floats(lanes: npt.NDArray[np.floating]) -> Floats:
 
 
 def as_floats(value: Floats | Number) -> F32:
-    """The lanes of floats, or a number in each."""
+    """The lanes of floats, or a number in all lanes."""
     return value.lanes if isinstance(value, Floats) else np.full(LANES, value, np.float32)
 
 
 def as_integers(value: Integers | Whole) -> I32:
-    """The lanes of integers, or a number in each."""
+    """The lanes of integers, or a number in all lanes."""
     if isinstance(value, Integers):
         return value.lanes
     return np.full(LANES, int(value) & 0xFFFFFFFF, np.uint32).view(np.int32)

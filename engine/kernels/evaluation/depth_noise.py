@@ -1,4 +1,4 @@
-"""The errors of estimated depth: correlated noise over the codes, and depth edges that miss the texture's."""
+"""The errors of estimated depth: correlated noise of the codes, and depth edges that differ from the texture's."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def perturb_codes(
 ) -> None:
     """Write depth codes [h, w] with errors to `out`.
 
-    Codes are taken from up to `shift_px` pixels aside, so that edges wander, and are off by up to `error`
-    codes. Both vary smoothly over the picture, in part from frame to frame and in part not.
+    Codes are taken from up to `shift_px` pixels away, so that edges move, and are off by up to `error` codes. Both
+    errors vary smoothly over the picture; a part of them changes from frame to frame.
     """
     height, width = codes.shape
     cell = width / 40.0

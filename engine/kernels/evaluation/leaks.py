@@ -1,4 +1,4 @@
-"""Rays in numbers, as `background.rays.farthest_hit` casts them, to be held against what is known of a scene."""
+"""Many rays, cast by `background.rays.farthest_hit`, to compare with the known geometry of a scene."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SHARE = 1.0 / (1 << 32)
 
 @inlined
 def _random(state: np.uint64) -> np.uint64:
-    """The next of a sequence (splitmix64, Steele et al. 2014)."""
+    """The next number of a sequence (splitmix64, Steele et al. 2014)."""
     z = state + np.uint64(0x9E3779B97F4A7C15)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -31,8 +31,8 @@ def _random(state: np.uint64) -> np.uint64:
 def count_leaks(
     tracer: Tracer, points: F32, triangles: I32, cameras: F64, seed: int, rays: int
 ) -> tuple[int, int, int]:
-    """How many of so many rays each hit nothing: from random cameras [n, 20] toward random triangles' insides, toward
-    their sides, and toward their corners."""
+    """The number of rays, of `rays` each, that hit nothing: from random cameras [n, 20] towards the insides of random
+    triangles, towards their sides, and towards their corners."""
     inside, sides, corners = 0, 0, 0
     for i in numba.prange(rays):
         a = _random(np.uint64(seed) + np.uint64(i) * np.uint64(3))
@@ -60,7 +60,7 @@ def count_leaks(
 
 @parallel
 def farthest_distances(tracer: Tracer, camera: F64, distances: F64) -> None:
-    """distances [h, w]: those of the farthest hits behind the pixels of a camera, nan where there is none."""
+    """distances [h, w]: of the farthest hits behind the pixels of a camera; nan where there is no hit."""
     for row in numba.prange(distances.shape[0]):
         for x in range(distances.shape[1]):
             found = farthest_hit(tracer, camera, x + 0.5, row + 0.5)[0]

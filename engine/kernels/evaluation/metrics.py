@@ -10,7 +10,7 @@ from ..base.jit import parallel
 
 __all__ = ["SEARCH_RANGE", "block_similarity", "match_errors", "matched_picture", "similarity_rows"]
 
-SEARCH_RANGE = 2  # pixels each way: a 5x5 neighbourhood
+SEARCH_RANGE = 2  # pixels in each direction: a 5x5 neighbourhood
 
 
 @parallel
@@ -53,7 +53,7 @@ def match_errors(
 def matched_picture(
     picture: npt.NDArray[np.uint16],  # [3, h, w]
     other: npt.NDArray[np.uint16],  # [3, h, w]
-    shift: npt.NDArray[np.int64],  # [3], added to picture, and taken from what is found
+    shift: npt.NDArray[np.int64],  # [3], added to picture, and subtracted from the matches
     weights: npt.NDArray[np.int64],  # [3], of the squared errors when matches are compared
     peak: int,
 ) -> npt.NDArray[np.uint16]:  # [3, h, w]
@@ -86,7 +86,7 @@ def block_similarity(
     c2: float,
     luminance: bool,  # else contrast and structure only
 ) -> npt.NDArray[np.float64]:  # [3, rows]
-    """SSIM with windows of even weights that lie inside the pictures: means over each row of windows."""
+    """SSIM with windows of equal weights that lie inside the pictures: means over each row of windows."""
     cells = ref.shape[2] // half
     rows, area = ref.shape[1] // half - 1, 4.0 * half * half
     means = np.zeros((3, rows))

@@ -1,4 +1,4 @@
-"""Silhouettes against ground truth with FINE x FINE samples a pixel: where they lie, and what is thin.
+"""Silhouettes compared with ground truth of FINE x FINE samples per pixel: their places, and thin structures.
 
 A silhouette runs between neighbouring samples whose disparities differ by more than a factor 1 + `step`.
 """
@@ -16,8 +16,8 @@ from ..base.jit import parallel, serial
 __all__ = ["FINE", "HALF", "silhouette_offsets", "thin_structures"]
 
 FINE = 4  # samples of ground truth along each side of a pixel
-HALF = 3  # pixels looked at to both sides of a silhouette
-_SPREADS = 3.0  # standard deviations of light, both sides' together, that must lie between the sides
+HALF = 3  # pixels used on both sides of a silhouette
+_SPREADS = 3.0  # least contrast between the sides, in standard deviations of light of both sides together
 
 
 @serial
@@ -60,7 +60,7 @@ def _slope(cover: F64) -> tuple[float, float]:
 
 @serial
 def _crosses(profile: F64) -> bool:
-    """Whether coverage rises from 0 to 1 and is worth the near half and the middle pixel's part of it."""
+    """Whether coverage rises from 0 to 1, and its sum is that of the near half and of a part of the middle pixel."""
     total = profile[0]
     for k in range(1, 2 * HALF + 1):
         if profile[k] < profile[k - 1]:
@@ -92,9 +92,9 @@ def _share(light: float, far: float, near: float) -> float:
 
 @serial
 def _offset(cover: F64, truth: F64, picture: F64, contrast: float) -> float:
-    """By how many pixels the near side reaches farther in the picture than in truth; nan where nothing tells.
+    """How many pixels farther the near side reaches in the picture than in truth; nan if it cannot be measured.
 
-    All [2 HALF + 1, 2 HALF + 1] about a pixel with a silhouette.
+    All arrays are [2 HALF + 1, 2 HALF + 1] round a pixel with a silhouette.
     """
     gx, gy = _slope(cover)
     along_x = abs(gx) >= abs(gy)
@@ -123,10 +123,10 @@ def silhouette_offsets(
 ) -> F64:  # [h, w]
     """How far silhouettes of the picture lie outside those of truth, in pixels along their normal; else nan.
 
-    Across a silhouette (along x or y, whichever is nearer to its normal) light is read as a mixture of the near side's
-    and the far side's; what the shares sum to, less the same of truth, is the displacement, whatever the blur. One
-    value a silhouette and line, at the pixel that it crosses; only where coverage rises from 0 to 1 within HALF pixels
-    and the sides' lights are well apart.
+    Across a silhouette (along x or y, whichever is nearer to its normal), light is taken as a mixture of the near
+    side's and the far side's. The sum of the shares minus the sum in truth is the displacement, independent of blur.
+    There is one value per silhouette and line, at the pixel that the silhouette crosses, and only where coverage rises
+    from 0 to 1 within HALF pixels and the lights of the sides differ clearly.
     """
     h, w = truth.shape
     size = 2 * HALF + 1
@@ -145,7 +145,7 @@ def silhouette_offsets(
 
 @serial
 def _behind(line: F64, x: int, step: float, width: int) -> float:
-    """The greater disparity of what lies farther on both sides of a sample less than `width` apart, or 0."""
+    """The greater disparity of the farther surfaces on both sides of a sample, less than `width` samples apart; or 0."""
     limit = line[x] / (1.0 + step)
     left = x - 1
     while left >= 0 and x - left <= width and line[left] >= limit:

@@ -14,14 +14,14 @@ from .splits import BLOCK
 __all__ = ["changed_blocks", "changed_flags", "kept_blocks", "note_changes", "remade_blocks"]
 
 
-# Where in a tile of 32 x 32 pixels something has changed, along one axis: in its first three, anywhere, in its last
-# two. Blocks reach a pixel farther than their tile, and depth edges are told by two more on either side.
+# Bits that tell where pixels have changed along one axis of a tile of 32 x 32: among the first three, anywhere, among
+# the last two. Blocks reach one pixel beyond their tile, and depth edges depend on two more pixels on either side.
 FIRST, ANY, LAST = 1, 2, 4
 
 
 @serial
 def _changed_columns(codes: U16, last: U16, tiles: U8) -> None:
-    """Bring a row of `last` up to date; tiles [n]: set the bits of where it was not."""
+    """Copy a row of codes to `last`; tiles [n]: set the bits where it had changed."""
     w = codes.shape[0]
     for j in range((w + LANES - 1) // LANES):
         word, x = 0, LANES * j
@@ -42,8 +42,8 @@ def _changed_columns(codes: U16, last: U16, tiles: U8) -> None:
 
 @parallel
 def note_changes(codes: U16, last: U16, tiles: U8) -> None:
-    """Bring last [h, w] up to date; tiles [ceil(h / 32), 3, ceil(w / 32)]: bits of where, in columns, a tile's first
-    three rows, any, or its last two have changed."""
+    """Copy codes to last [h, w]; tiles [ceil(h / 32), 3, ceil(w / 32)]: for the first three rows of a tile, for all,
+    and for its last two, the bits of the columns that had changed."""
     h = codes.shape[0]
     for row in numba.prange(tiles.shape[0]):
         i = int(np.int64(row))
@@ -57,7 +57,7 @@ def note_changes(codes: U16, last: U16, tiles: U8) -> None:
 
 @serial
 def changed_blocks(tiles: U8, wraps: bool, changed: U8) -> None:
-    """changed [rows, columns]: 1 where a block's triangles may not be what they were."""
+    """changed [rows, columns]: 1 where a block's triangles may have changed."""
     rows, columns = changed.shape
     across = tiles.shape[2]
     for i in range(rows):
@@ -69,23 +69,23 @@ def changed_blocks(tiles: U8, wraps: bool, changed: U8) -> None:
                     beyond = x < 0 or x >= across
                     if y < 0 or y >= tiles.shape[0] or (beyond and not wraps):
                         continue
-                    whole = dj == 0 or x < 0  # round the picture the tile before may be narrower
+                    whole = dj == 0 or x < 0  # the tile on the other side of the seam may be narrower
                     meant = ANY if whole else (LAST if dj < 0 else FIRST)
                     changed[i, j] |= (tiles[y, (2, 1, 0)[di + 1], x % across] & meant) != 0
 
 
 @serial
 def changed_flags(changed: U8, wanted: U8) -> None:
-    """wanted [ceil(h / 64), ceil(w / 64)]: 1 where flags of pixels may not be what they were (`cuts.mark_broken`)."""
+    """wanted [ceil(h / 64), ceil(w / 64)]: 1 where flags of pixels may have changed (`cuts.mark_broken`)."""
     for a in range(wanted.shape[0]):
         for b in range(wanted.shape[1]):
-            # The picture's last row and column may belong to no block but the one before.
+            # The picture's last row and column may belong only to the block before.
             wanted[a, b] = changed[max(2 * a - 1, 0) : 2 * a + 2, max(2 * b - 1, 0) : 2 * b + 2].any()
 
 
 @parallel
 def remade_blocks(changed: U8, splits: I64, before: I64, remade: U8) -> None:
-    """remade [rows, columns]: 1 where a block has changed or its splits [rows, columns, WORDS] have."""
+    """remade [rows, columns]: 1 where a block or its splits [rows, columns, WORDS] have changed."""
     for row in numba.prange(changed.shape[0]):
         i = int(np.int64(row))
         for j in range(changed.shape[1]):
@@ -111,17 +111,17 @@ def _tiles_with(keep: U8, tiles: U8) -> None:
 
 @serial
 def kept_blocks(keep: U8, wraps: bool, blocks: U8) -> None:
-    """blocks [rows, columns]: 1 where a block's triangles have kept pixels, or a block beside it has such."""
+    """blocks [rows, columns]: 1 where a block or one of its neighbours has triangles with kept pixels."""
     tiles = np.empty(((keep.shape[0] + BLOCK - 1) // BLOCK, (keep.shape[1] + BLOCK - 1) // BLOCK), np.uint8)
     _tiles_with(keep, tiles)
     rows, columns = tiles.shape
     for i in range(blocks.shape[0]):
         for j in range(blocks.shape[1]):
             blocks[i, j] = 0
-            # Blocks reach a pixel into the tiles behind them, and those beside them as far again.
+            # Blocks reach one pixel into the next tiles; with their neighbours, they reach one tile farther.
             for y in range(max(i - 1, 0), min(i + 3, rows)):
                 for x in range(j - 1, j + 3):
                     if wraps or 0 <= x < columns:
                         blocks[i, j] |= tiles[y, x % columns]
-        if wraps:  # the last reach the picture's first pixels
+        if wraps:  # the last blocks reach the picture's first pixels
             blocks[i, 0] |= blocks[i, blocks.shape[1] - 1]

@@ -1,14 +1,14 @@
 """Completing a depth map: pull-push over a pyramid of depth codes, guided by colour.
 
-Codes are linear in disparity, and the disparity of a plane is affine in a perspective picture: what is sought is near
-the membrane that the measured pixels hold, whose springs are weak where colours differ. On the way down (pull) a
-cell is measured if one of its children is; on the way up (push) the others start from the coarser level, weighted
-by distance and colour, and relax towards their neighbours' weighted mean (Gortler et al., "The Lumigraph", SIGGRAPH
-1996; colour as in Levin et al., "Colorization using optimization", SIGGRAPH 2004). A pixel between two measured ones
-that lie on one surface takes their mean: cracks are closed in the slope of the surface.
+Codes are linear in disparity, and the disparity of a plane is affine in a perspective picture. The result approximates
+a membrane that is held by the measured pixels, with springs that are weak where colours differ. On the way to coarser
+levels (pull), a cell is measured if one of its children is. On the way back (push), the other cells start from the
+coarser level, weighted by distance and colour, and relax towards their neighbours' weighted mean (Gortler et al., "The
+Lumigraph", SIGGRAPH 1996; colour as in Levin et al., "Colorization using optimization", SIGGRAPH 2004). A pixel between
+two measured pixels of one surface takes their mean, so cracks are closed with the slope of the surface.
 
-A level is float32 [rows, columns, 5]: confidence (1: measured, 0: nothing is known), depth code, y, cb, cr. Its cells
-are 2x2 of the finer level's; those of the first level are 2x2 pixels and have a chroma sample each.
+A level is float32 [rows, columns, 5]: confidence (1: measured, 0: unknown), depth code, y, cb, cr. A cell covers 2x2
+cells of the finer level; a cell of the first level covers 2x2 pixels, which share a chroma sample.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ __all__ = ["MEASURED", "drop_mixed", "first_level", "next_level", "push_level", 
 MEASURED = 255  # confidence of a measured pixel
 
 _COLOUR = 32.0  # difference of 10-bit codes (y + cb + cr) that weakens a spring to half
-_DECAY = 0.8  # confidence that is left when a level has nothing measured
-_FAINT = 1e-3  # weight of cells without confidence: where there are no others they are better than nothing
+_DECAY = 0.8  # factor of the confidence of cells that are taken from the coarser level
+_FAINT = 1e-3  # weight of cells without confidence, which count only where there are no others
 
 
 @inlined
 def _spring(cell: F32, y: float, cb: float, cr: float) -> float:
-    """Strength of the bond between a cell and a colour: Lorentzian, never nothing."""
+    """Strength of the bond between a cell and a colour: a Lorentzian, never 0."""
     d = (abs(y - cell[2]) + abs(cb - cell[3]) + abs(cr - cell[4])) * np.float32(1.0 / _COLOUR)
     return np.float32(1.0) / (np.float32(1.0) + d * d)
 
 
 @serial
 def _mixed(far_a: int, a: int, code: int, b: int, far_b: int) -> bool:
-    """Whether of five codes in a row the middle one lies between two surfaces, on neither of them nor on a slope."""
+    """Whether the middle one of five codes in line lies between two surfaces, on neither of them nor on a slope."""
     low, high = np.int32(min(a, b)), np.int32(max(a, b))
     if not 0 < low < code < high:
         return False
@@ -49,8 +49,8 @@ def _mixed(far_a: int, a: int, code: int, b: int, far_b: int) -> bool:
 
 @parallel
 def drop_mixed(codes: U16, edge: float, out: U16) -> None:
-    """out [h, w]: the codes, 0 where one lies half way between surfaces more than `edge` codes apart: the sensor saw
-    both in one pixel."""
+    """out [h, w]: the codes, or 0 where a code lies half way between surfaces more than `edge` codes apart, because the
+    sensor saw both in one pixel."""
     h, w = codes.shape
     limit = np.float32(edge)
     for row in numba.prange(h):
@@ -70,7 +70,7 @@ def drop_mixed(codes: U16, edge: float, out: U16) -> None:
 
 @parallel
 def first_level(codes: U16, y: U16, cb: U16, cr: U16, level: F32) -> None:
-    """Cells of 2x2 pixels; a code of 0 is not measured."""
+    """Fill the level of 2x2 pixels; a code of 0 is not measured."""
     h, w = codes.shape
     for row in numba.prange(level.shape[0]):
         j = np.int64(row)
@@ -91,7 +91,7 @@ def first_level(codes: U16, y: U16, cb: U16, cr: U16, level: F32) -> None:
 
 @parallel
 def next_level(fine: F32, coarse: F32) -> None:
-    """Cells of 2x2 cells: the mean code of the measured ones, the mean colour of all."""
+    """Fill a coarser level: the mean code of measured cells, the mean colour of all."""
     h, w = fine.shape[0], fine.shape[1]
     for row in numba.prange(coarse.shape[0]):
         j = np.int64(row)
@@ -109,7 +109,8 @@ def next_level(fine: F32, coarse: F32) -> None:
 
 @inlined
 def _from_coarse(coarse: F32, j: int, i: int, y: float, cb: float, cr: float) -> tuple[float, float]:
-    """Confidence and code for (j, i) of the finer level: of the four coarse cells about it, by distance and colour."""
+    """Confidence and code for cell (j, i) of the finer level, from the four coarse cells round it by distance and
+    colour."""
     y0, x0 = j >> 1, i >> 1
     y1 = min(max(y0 + 2 * (j & 1) - 1, 0), coarse.shape[0] - 1)
     x1 = min(max(x0 + 2 * (i & 1) - 1, 0), coarse.shape[1] - 1)
@@ -137,7 +138,7 @@ def _relaxed(fine: F32, j: int, i: int) -> float:
 
 @parallel
 def push_level(coarse: F32, fine: F32) -> None:
-    """Gives the cells of a level that are not measured their confidence and code; the coarser level is complete."""
+    """Gives the unmeasured cells of a level their confidence and code; the coarser level is complete."""
     h, w = fine.shape[0], fine.shape[1]
     for row in numba.prange(h):
         j = np.int64(row)
@@ -145,7 +146,7 @@ def push_level(coarse: F32, fine: F32) -> None:
             cell = fine[j, i]
             if cell[0] < 1.0:
                 cell[0], cell[1] = _from_coarse(coarse, j, i, cell[2], cell[3], cell[4])
-    for colour in range(2):  # as on a chess board, so that threads do not see each other's changes
+    for colour in range(2):  # as on a chess board, so that threads do not read each other's changes
         for row in numba.prange(h):
             j = np.int64(row)
             for i in range((j + colour) & 1, w, 2):

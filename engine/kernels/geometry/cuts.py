@@ -28,18 +28,18 @@ _RIGHT, _DOWN, _VALID, _KEPT = 0, 1, 2, 3  # words of a row
 
 
 class CutRules(NamedTuple):
-    """What makes a cut, of a view's picture."""
+    """The rules for cuts of a view's picture."""
 
-    edge: int  # codes, and `odd` more where the slope beside a step is odd: see `lanes.cuts`
+    edge: int  # codes; `odd` is added where the slope next to a step is odd: see `lanes.cuts`
     odd: int
-    has_invalid: bool  # code 0 is no depth
+    has_invalid: bool  # code 0 means "no depth"
     has_keep: bool  # there is a mask
     wraps: bool  # the last column is the first one's neighbour
 
 
 @serial
 def _pad_row(row: U16, wraps: bool, padded: U16) -> None:
-    """A row with its neighbours: one before it and two behind."""
+    """padded: a row of codes with one more pixel before it and two more behind."""
     w = row.shape[0]
     source, target = row.ctypes.data, padded.ctypes.data + 2
     for j in range(w // LANES):
@@ -53,7 +53,7 @@ def _pad_row(row: U16, wraps: bool, padded: U16) -> None:
 
 @serial
 def _mark_row(rows: U16, y: int, h: int, w: int, keep: U8, rules: CutRules, near: U8, words: I64) -> None:
-    """Cuts, validity and mask of row y as words [4, n] of 64 pixels, where `near`; `rows` is a ring of padded rows."""
+    """Cuts, validity and mask of row y as words [4, n] of 64 pixels, where near [n] != 0; rows: a ring of padded rows."""
     edge, odd, has_invalid, has_keep, wraps = rules
     ring, pitch = rows.ctypes.data + 2, 2 * rows.shape[1]
     above, here = ring + (max(y - 1, 0) & 3) * pitch, ring + (y & 3) * pitch
@@ -82,13 +82,14 @@ def _mark_row(rows: U16, y: int, h: int, w: int, keep: U8, rules: CutRules, near
 
 @inlined
 def _before(words: I64, j: int, first: int) -> int:
-    """The bits of pixels' left neighbours."""
+    """Word j with, for each pixel, the bit of its left neighbour; `first`: that of the row's first pixel."""
     return (words[j] << 1) | ((words[j - 1] >> 63) & 1 if j > 0 else first)
 
 
 @inlined
 def _behind(words: I64, j: int, last: int, beyond: int) -> int:
-    """The bits of pixels' right neighbours; of the row's last pixel, bit `last` of its last word: `beyond`."""
+    """Word j with, for each pixel, the bit of its right neighbour; `beyond`: that of the row's last pixel, which is bit
+    `last` of the last word."""
     if j + 1 < words.shape[0]:
         return ((words[j] >> 1) & 0x7FFFFFFFFFFFFFFF) | (words[j + 1] << 63)
     return ((words[j] >> 1) & 0x7FFFFFFFFFFFFFFF & ~(1 << last)) | (beyond << last)
@@ -98,7 +99,7 @@ def _behind(words: I64, j: int, last: int, beyond: int) -> int:
 def _write_flags(
     above: I64, here: I64, below: I64, has_keep: bool, wraps: bool, wanted: U8, tail: U8, flags: U8
 ) -> None:
-    """flags [w] of a row from the words of three, where `wanted`; `tail` is room for 64 bytes."""
+    """flags [w] of a row from the words of three rows, where wanted != 0; tail: 64 bytes of scratch memory."""
     w = flags.shape[0]
     n = here.shape[1]
     right, kept, last = here[_RIGHT], here[_KEPT], w - 1 - LANES * (n - 1)
@@ -123,9 +124,8 @@ def _write_flags(
 def mark_broken(
     codes: U16, keep: U8, has_keep: bool, has_invalid: bool, edge: float, wraps: bool, wanted: U8, flags: U8
 ) -> None:
-    """Fill flags [h, w]: cuts to the right and downwards, validity, mask and pixels that must stay single.
-
-    Only where wanted [ceil(h / 64), ceil(w / 64)] is not 0.
+    """Fill flags [h, w]: cuts to the right and downwards, validity, mask, and pixels that merged triangles must not
+    contain; only where wanted [ceil(h / 64), ceil(w / 64)] is not 0.
 
     A depth edge is a step of more than `edge` codes that is not explained by the slope on either side.
     """
@@ -137,7 +137,7 @@ def mark_broken(
     for band in numba.prange((h + _BAND - 1) // _BAND):
         if not wanted[band].any():
             continue
-        near = np.zeros(n, np.uint8)  # what flags depend on: neighbouring words
+        near = np.zeros(n, np.uint8)  # words on which the wanted flags depend: also the neighbouring ones
         for j in range(n):
             near[j] = wanted[band, j - 1] | wanted[band, j] | wanted[band, (j + 1) % n]
         first, end = int(np.int64(band)) * _BAND, min((int(np.int64(band)) + 1) * _BAND, h)
@@ -152,7 +152,7 @@ def mark_broken(
             if has_keep:
                 mask[:w] = keep[y]
             _mark_row(rows, y, h, w, mask, rules, near, words[y % 3])
-            if y == 0:  # beyond the picture nothing is cut, and the mask goes on
+            if y == 0:  # beyond the picture there are no cuts, and the mask continues
                 top[_KEPT] = words[0, _KEPT]
             if y > first:
                 above = words[(y - 2) % 3] if y > 1 else top

@@ -1,8 +1,8 @@
-"""Minification: a view at half its size, each texel of it the mean over one surface.
+"""Minification: a view at half its size, in which each texel is the mean over one surface.
 
-Of every 2x2 texels those are averaged that hang together with the nearest of them, no cut of the surface between: what
-is in front keeps its width and its colour, what is behind keeps the texels that are its own. A mask says which they
-are, a bit each: 1 and 2 the upper two, 4 and 8 the lower two.
+Of every 2x2 texels, those are averaged that are connected with the nearest one without a cut between. So a surface in
+front keeps its width and its colour, and a surface behind keeps the texels that are its own. A mask has a bit for each
+averaged texel: 1 and 2 for the upper two, 4 and 8 for the lower two.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ ALL = 15  # the mask of four texels of one surface
 
 @serial
 def _connected(mask: int, top: int, bottom: int, left: int, right: int) -> int:
-    """The texels that hang together with those of a mask; top, bottom, left and right: whether the sides of the
-    square they stand on are cut."""
-    for _ in range(2):  # the farthest is two sides away
+    """The mask of the texels that are connected with those of a mask; top, bottom, left and right: whether these sides
+    of the square of texel centres are cut."""
+    for _ in range(2):  # the farthest texel is two sides away
         mask |= 0 if top else ((mask & 1) << 1) | ((mask & 2) >> 1)
         mask |= 0 if bottom else ((mask & 4) << 1) | ((mask & 8) >> 1)
         mask |= 0 if left else ((mask & 1) << 2) | ((mask & 4) >> 2)
@@ -33,7 +33,7 @@ def _connected(mask: int, top: int, bottom: int, left: int, right: int) -> int:
 
 @serial
 def _of_nearest(codes: U16, cuts: U8, y: int, x: int) -> int:
-    """The mask of what hangs together with the nearest of the 2x2 texels at (y, x)."""
+    """The mask of the texels connected with the nearest of the 2x2 texels at (y, x)."""
     a, b, c, d = codes[y, x], codes[y, x + 1], codes[y + 1, x], codes[y + 1, x + 1]
     nearest = max(max(a, b), max(c, d))
     first = 1 if a == nearest else 2 if b == nearest else 4 if c == nearest else 8
@@ -51,11 +51,11 @@ def _mean(a: int, b: int, c: int, d: int, mask: int) -> int:
 
 @parallel
 def halve_plane(plane: U16, masks: U8, out: U16) -> None:
-    """Fill out [h, w] with the means of a plane's [2 h, 2 w] samples that the masks [h, w] name."""
+    """Fill out [h, w] with the means of the samples of a plane [2 h, 2 w] that are in the masks [h, w]."""
     h, w = out.shape
     for row in numba.prange(h):
         y = 2 * int(np.int64(row))
-        for x in range(w):  # vectorises; what is not of one surface is put right after it
+        for x in range(w):  # vectorises; texels over several surfaces are corrected after it
             a, b = np.int32(plane[y, 2 * x]), np.int32(plane[y, 2 * x + 1])
             c, d = np.int32(plane[y + 1, 2 * x]), np.int32(plane[y + 1, 2 * x + 1])
             out[row, x] = (a + b + c + d + np.int32(2)) >> np.int32(2)
@@ -69,9 +69,10 @@ def halve_plane(plane: U16, masks: U8, out: U16) -> None:
 
 @parallel
 def halve_codes(codes: U16, cuts: U8, out: U16, masks: U8) -> None:
-    """Fill out and masks [h, w] from depth codes [2 h, 2 w] and where they are cut (`cuts.mark_broken`).
+    """Fill out and masks [h, w] from depth codes and cuts [2 h, 2 w] (flags of `cuts.mark_broken`).
 
-    A code is the mean of the texels of the mask, disparity being linear over a plane; four without depth give none.
+    A code is the mean over the texels of the mask, because disparity is linear over a plane. Four texels without depth
+    result in one without.
     """
     h, w = out.shape
     for row in numba.prange(h):

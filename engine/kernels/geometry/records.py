@@ -1,4 +1,4 @@
-"""Records of arrays that kernels of this room take."""
+"""Records of arrays for the kernels of this room."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["BlockArrays", "DepthMap", "MeshArrays", "Rays"]
 
 
 class DepthMap(NamedTuple):
-    """A view's depth codes [h, w], their flags [h, w] (`cuts`), and whether its columns begin again where they end."""
+    """A view's depth codes [h, w], their flags [h, w] (`cuts`), and whether its last column is next to the first."""
 
     codes: U16
     flags: U8
@@ -18,18 +18,18 @@ class DepthMap(NamedTuple):
 
 
 class BlockArrays(NamedTuple):
-    """What is known of a view's blocks [rows, columns]."""
+    """The data of a view's blocks [rows, columns]."""
 
     splits: I64  # [rows, columns, WORDS], see `splits`
     states: U8  # EMPTY, PLAIN or MIXED
-    remade: U8  # 0 where a block's triangles are taken over from the last mesh
-    used: I64  # [rows, columns, SIDE]: words of the grid vertices that the surface's triangles have
+    remade: U8  # 0 where a block's triangles are copied from the last mesh
+    used: I64  # [rows, columns, SIDE]: words of the grid vertices that the surface's triangles use
 
 
 class Rays(NamedTuple):
-    """Directions of places half a pixel apart, from the first pixel's centre, in the axes of a packed camera.
+    """Directions at every half pixel, from the first pixel's centre on, in the axes of a packed camera.
 
-    That of place (x, y) is (down[y, 0] * across[x, 0], down[y, 0] * across[x, 1], down[y, 1]).
+    The direction of half pixel (x, y) is (down[y, 0] * across[x, 0], down[y, 0] * across[x, 1], down[y, 1]).
     """
 
     camera: F64
@@ -38,7 +38,7 @@ class Rays(NamedTuple):
 
 
 class MeshArrays(NamedTuple):
-    """A mesh's points relative to the scene origin, metres, their places in the picture, and its triangles."""
+    """A mesh's points relative to the scene origin, metres, their picture coordinates, and its triangles."""
 
     points: F32  # [n, 3]
     uv: F32  # [n, 2]

@@ -1,6 +1,6 @@
-"""Rims: what a surface leaves of the squares of pixels at depth edges.
+"""Rims: the parts of the squares of pixels at depth edges that the surface does not cover.
 
-In quads that a depth edge crosses every valid corner keeps its quarter, and so a pixel its square.
+In quads that a depth edge crosses, every valid corner keeps its quarter, so a pixel keeps its square.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def _corner(bits: I64, x: int, y: int) -> int:
 
 @serial
 def count_rims(bits: I64, columns: int, rows: int) -> int:
-    """How many quarters of quads the rims are."""
+    """The number of quarters of quads in a block's rims."""
     quarters = 0
     for y in range(rows - 1):
         crossed = _cut_quads(bits, y, columns)
@@ -45,7 +45,7 @@ def count_rims(bits: I64, columns: int, rows: int) -> int:
 
 @inlined
 def _write_point(rays: Rays, twice_u: int, twice_v: int, depth: float, mesh: MeshArrays, index: int) -> None:
-    """A vertex at a place of the picture in half pixels from the first pixel's centre."""
+    """Write a vertex at a place of the picture, in half pixels from the first pixel's centre."""
     across, down, points, uv = rays.across, rays.down, mesh.points, mesh.uv
     planar = down[twice_v, 0] * depth
     x, y, z = direction_in_world(
@@ -62,7 +62,7 @@ def write_rims(
 ) -> None:
     """Write a block's rims from vertex v and triangle t on; second: 1, or 2 to wind triangles the other way.
 
-    Depth goes half way to a neighbour on the same surface.
+    Depth is extrapolated half way towards a neighbour on the same surface.
     """
     x0, y0, columns, rows = extent
     w, triangles = codes.shape[1], mesh.triangles

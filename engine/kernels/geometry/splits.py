@@ -1,19 +1,20 @@
-"""Which vertices of an error-bounded triangulation are split, a right-triangulated irregular network of pixel centres.
+"""The split vertices of an error-bounded triangulation: a right-triangulated irregular network of pixel centres.
 
-The picture is cut into blocks of 32 x 32 quads. A block is halved along a diagonal and its triangles are halved again
-and again at the middle of their longest side, down to half quads. Every grid vertex is the middle of one longest side,
-so the question "split here?" belongs to the vertex. Two kinds of vertices alternate: "centres" of squares of size 2s,
-on a diagonal, and "middles" of their sides. The diagonal of the square with corner (i, j), in units of its size, goes
-down-right where i + j is even.
+The picture is divided into blocks of 32 x 32 quads. A block is halved along a diagonal, and its triangles are halved
+again and again at the middle of their longest side, down to half quads. Every grid vertex is the middle of one longest
+side, so the question "split here?" belongs to the vertex. Two kinds of vertices alternate: "centres" of squares of size
+2s, on a diagonal, and "middles" of their sides. The diagonal of the square with corner (i, j), in units of its size,
+goes down-right where i + j is even.
 
-A block by itself wants a vertex split where its error is above the tolerance: the vertex' own deviation from the middle
-of its side, plus the largest error of the (up to four) vertices that would split the block's halves beside it. This
-bounds how far any depth code of the block under the triangles that meet at the side lies from their planes: a bound,
-not an estimate. As a parent's error is never below its children's, a block alone has no T-junctions. Between blocks a
-vertex is split where either wants it, and so are then its parents, on both sides of it.
+A block by itself needs a split at a vertex if the vertex' error is above the tolerance. The error is the vertex' own
+deviation from the middle of its side, plus the largest error of the (up to four) vertices that would split the
+triangles on both sides. It bounds the distance of every depth code of the block, under the triangles that meet at the
+side, from their planes: it is a bound, not an estimate. A parent's error is never below its children's, so a block
+alone has no T-junctions. On the border of two blocks a vertex is split if either block needs it; then its parents on
+both sides are split, too.
 
-A block's splits are words int64 [35]: bit x of word y says whether the vertex in column x and row y is split, bit y of
-the last two words says it of the first column and of the last one (without corners).
+A block's splits are words int64 [35]: bit x of word y tells whether the vertex in column x and row y is split; bit y of
+the last two words tells it for the first column and for the last one (without corners).
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ def _reaches_out(x: int, y: int, last_x: int, last_y: int) -> bool:
 
 @serial
 def _load_block(codes: U16, flags: U8, x0: int, y0: int, limit: int, scratch: U16) -> int:
-    """Copy a block's codes and what they demand to the scratch rows; returns what is known of its pixels."""
+    """Copy a block's codes, and the errors that its pixels demand, to the scratch rows; returns the block's state."""
     h, w = codes.shape
     codes_row = scratch.ctypes.data + 2 * (_LEFT + _PITCH * _CODES)
     least_row = scratch.ctypes.data + 2 * (_LEFT + _PITCH * _LEAST)
@@ -105,7 +106,7 @@ def _load_block(codes: U16, flags: U8, x0: int, y0: int, limit: int, scratch: U1
 
 @serial
 def _split_block(scratch: U16, tolerance: int, largest: int, parity: int, splits: I64) -> None:
-    """The splits that a block by itself wants, from its scratch rows; see `split_blocks`."""
+    """The splits that a block by itself needs, from its scratch rows; see `split_blocks`."""
     start = scratch.ctypes.data + 2 * _LEFT
     codes, least = start + _PITCH_BYTES * _CODES, start + _PITCH_BYTES * _LEAST
     middles, centres = start + _PITCH_BYTES * _MIDDLES, start + _PITCH_BYTES * _CENTRES
@@ -140,7 +141,7 @@ def _split_block(scratch: U16, tolerance: int, largest: int, parity: int, splits
 
 @inlined
 def _column(splits: I64, x: int) -> int:
-    """A column of a block's splits as a word; the block's corners are not meant."""
+    """A column of a block's splits as a word, without the block's corners."""
     word = 0
     for y in range(1, BLOCK):
         word |= ((splits[y] >> x) & 1) << y
@@ -167,11 +168,11 @@ def _set_column(splits: I64, x: int, word: int) -> None:
 def split_blocks(
     codes: U16, flags: U8, tolerance: int, largest: int, wraps: bool, changed: U8, splits: I64, states: U8
 ) -> None:
-    """Fill splits [rows, columns, WORDS] and states [rows, columns] of blocks with what each by itself wants.
+    """Fill splits [rows, columns, WORDS], with those that each block needs by itself, and states [rows, columns].
 
     tolerance: twice the largest distance of a code from its triangle, in codes, below 65535. largest: length of the
-    longest leg of a triangle; with 1 there are two triangles to each quad. Blocks that have not changed [rows, columns]
-    are left as they are.
+    longest leg of a triangle; with 1 there are two triangles per quad. Blocks with changed [rows, columns] = 0 stay as
+    they are.
     """
     w = codes.shape[1]
     limit = w if wraps else w - 1  # largest x of a vertex
@@ -195,8 +196,8 @@ def split_blocks(
 
 @parallel
 def find_mixed(flags: U8, states: U8) -> None:
-    """states [rows, columns]: MIXED where a block may have pixels at depth edges, PLAIN where it has none; a small part
-    of the work of `split_blocks`."""
+    """states [rows, columns]: MIXED if a block may have pixels at depth edges, PLAIN if it has none. This takes a small
+    part of the time of `split_blocks`."""
     h, w = flags.shape
     for row in numba.prange(states.shape[0]):
         i = int(np.int64(row))
@@ -212,7 +213,7 @@ def find_mixed(flags: U8, states: U8) -> None:
 
 @serial
 def _split_parents(splits: I64) -> None:
-    """Split the parents of what is split."""
+    """Split the parents of all split vertices."""
     s = 1
     while s < BLOCK:
         odd, far_odd, far_even = ODD[s], ODD[2 * s], EVEN[2 * s]
@@ -229,7 +230,7 @@ def _split_parents(splits: I64) -> None:
 
 @serial
 def _join_row(splits: I64, i: int, seam: int) -> bool:
-    """Take over what the blocks beside those of a row have split on their common sides; whether that changed any."""
+    """Take over the splits of neighbouring blocks on the common sides of a row's blocks; returns whether any changed."""
     rows, columns = splits.shape[0], splits.shape[1]
     changed = False
     for j in range(columns):
@@ -253,10 +254,10 @@ def _join_row(splits: I64, i: int, seam: int) -> bool:
 
 @parallel
 def join_blocks(splits: I64, seam: int) -> None:
-    """Split what neighbours have split, and parents of what is split, until nothing changes.
+    """Take over the splits of neighbours, and split the parents of split vertices, until nothing changes.
 
-    seam: the column of the last blocks that is the picture's first again; 0: it does not wrap. What comes out does not
-    depend on the order in which rows are visited: it is the smallest set that fits.
+    seam: the column of the last blocks that is the picture's first column again; 0: the picture does not wrap. The
+    result is the smallest set that fits, so it does not depend on the order in which rows are visited.
     """
     rows = splits.shape[0]
     pending = True

@@ -1,7 +1,8 @@
-"""A block's triangles as words: bit x of one stands for the triangle of a shape at column x of a row.
+"""A block's triangles as words: bit x of a word stands for the triangle of one shape at column x of a row.
 
-They are found a row of equal ones at a time: one is there where the vertex at its right angle is split and the middle
-of its longest side is not. Of half quads, the smallest, those that a depth edge crosses are left out.
+A word, that is a row of triangles of equal shape, is computed at once. A triangle exists if the vertex at its right
+angle is split and the middle of its longest side is not. Of half quads, the smallest triangles, those that a depth edge
+crosses are left out.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ _INNER = _ALL & ~_CORNERS
 def _shapes() -> npt.NDArray[np.int64]:
     """Corners a, b, c as offsets (x, y) of every shape of triangle, wound counter-clockwise on screen (v down).
 
-    First the four half quads, from their quad; then, for s from 1 on, the four quarters of a square of size 2s, from
-    its middle, and the four halves of one, likewise.
+    First the four half quads, relative to their quad; then, for s from 1 on, the four quarters of a square of size 2s
+    and its four halves, relative to its middle.
     """
     halves = np.array([(0, 0, 1, 1, 1, 0), (1, 1, 0, 0, 0, 1), (0, 1, 1, 0, 0, 0), (1, 0, 0, 1, 1, 1)])
     quarters = np.array([(-1, -1, 0, 0, 1, -1), (1, 1, 0, 0, -1, 1), (-1, 1, 0, 0, -1, -1), (1, -1, 0, 0, 1, 1)])
@@ -50,14 +51,14 @@ def _shapes() -> npt.NDArray[np.int64]:
 
 
 SHAPES = _shapes()
-_LEVELS, _A_LEVEL = 6, 8  # of half quads and of s = 1 to 16; shapes of each of the latter
-_LISTED = 8 * (BLOCK - 1) + 4 * BLOCK + 1  # longest list, and a place to spare
+_LEVELS, _A_LEVEL = 6, 8  # levels: half quads and s = 1 to 16; number of shapes for each s
+_LISTED = 8 * (BLOCK - 1) + 4 * BLOCK + 1  # length of the longest list, and one entry to spare
 # By s: the middles of squares of size 2s in even columns.
 FALLING = ODD[np.minimum(2 * np.arange(SIDE), BLOCK)] >> np.arange(SIDE)
 
 
 class TriangleList(NamedTuple):
-    """Words of triangles of one shape each: the word, the block's row that it is of, and the shape's number."""
+    """Words of triangles, each of one shape: the word, its row of the block, and the shape's number."""
 
     words: I64  # [n]
     ys: I32
@@ -72,7 +73,7 @@ def new_list() -> TriangleList:
 
 @serial
 def read_flags(flags: U8, x0: int, y0: int, wraps: bool, state: int, bits: I64) -> None:
-    """bits [4, 33]: cuts, mask and validity of a block's pixels as words; of MIXED blocks only."""
+    """bits [4, 33]: cuts, mask and validity of a block's pixels as words; only for MIXED blocks."""
     h, w = flags.shape
     bits[:2], bits[2:] = 0, _ALL
     if state != MIXED:
@@ -107,10 +108,10 @@ def _note(word: int, y: int, shape: int, words: I64, ys: I32, shapes: I32, count
 def list_triangles(
     splits: I64, bits: I64, parity: int, columns: int, rows: int, whole: bool, found: TriangleList
 ) -> int:
-    """List a block's triangles as words of the places, in a row, of triangles of one shape; returns their number.
+    """List a block's triangles as words; returns the number of words.
 
-    columns and rows: of the block's vertices that lie in the picture. With `whole` there are no half quads in quads
-    that a depth edge crosses anywhere.
+    columns and rows: of the block's vertices that lie in the picture. With `whole` there are no half quads at all in
+    quads that a depth edge crosses.
     """
     n = _list_squares(splits, bits, parity, columns, rows, found)
     return _list_half_quads(splits, bits, columns, rows, whole, found, n)
@@ -148,7 +149,7 @@ def _list_squares(splits: I64, bits: I64, parity: int, columns: int, rows: int, 
 def _list_half_quads(
     splits: I64, bits: I64, columns: int, rows: int, whole: bool, found: TriangleList, n: int
 ) -> int:
-    """List the half quads behind the n words that are there; returns how many there are then."""
+    """Append the half quads to the first n words; returns the new number of words."""
     words, ys, shapes = found
     quads = (1 << (columns - 1)) - 1
     for y in range(rows - 1):
@@ -171,13 +172,13 @@ def _list_half_quads(
 
 @inlined
 def _moved(word: int, columns: int) -> int:
-    """A word's bits so many columns to the right."""
+    """A word with its bits moved `columns` to the right."""
     return word << columns if columns >= 0 else word >> -columns
 
 
 @serial
 def count_listed(found: TriangleList, n: int, used: I64) -> tuple[int, int]:
-    """How many vertices and triangles there are in a list of n words; used [33]: words of these vertices."""
+    """The numbers of vertices and triangles in a list of n words; used [33]: filled with the words of these vertices."""
     words, ys, shapes = found
     used[:] = 0
     vertices, triangles = 0, 0
@@ -194,8 +195,8 @@ def count_listed(found: TriangleList, n: int, used: I64) -> tuple[int, int]:
 
 @serial
 def count_plain(splits: I64, used: I64) -> tuple[int, int]:
-    """As `count_listed`, of a block that lies in the picture and has no depth edges: every split adds a triangle on
-    either side."""
+    """As `count_listed`, for a block that lies in the picture and has no depth edges: every split adds a triangle on
+    each side."""
     vertices, triangles = 4, 2
     for y in range(SIDE):
         split = splits[y] & (_INNER if y % BLOCK == 0 else _ALL)

@@ -1,7 +1,7 @@
-"""Triangles of a depth map whose blocks' splits are known (`kernels.geometry.splits`).
+"""Triangles of a depth map, from the splits of its blocks (`kernels.geometry.splits`).
 
-They are counted (`triangle_words`, `rims`), which gives every block its place in the mesh, and then written. Vertices
-are numbered along a block's rows.
+Triangles are first counted (`triangle_words`, `rims`), which gives every block its place in the mesh, and then written.
+Vertices are numbered along a block's rows.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from .triangle_words import SHAPES, TriangleList, count_listed, count_plain, lis
 
 __all__ = ["BOTH", "RIMS", "SURFACE", "count_triangles", "emit_triangles"]
 
-# What is made: the surface, which ends at the centres of pixels at depth edges; the rims, which are what is left of
-# those pixels' squares; or both, which share at most half a quad where a merged triangle reaches into a cut one.
+# The parts that are made: the surface, which ends at the centres of pixels at depth edges; the rims, which are the rest
+# of those pixels' squares; or both. These overlap by at most half a quad, where a merged triangle reaches into a quad
+# with a cut.
 SURFACE, RIMS, BOTH = 0, 1, 2
 
 
@@ -30,8 +31,8 @@ SURFACE, RIMS, BOTH = 0, 1, 2
 def _write_listed(
     found: TriangleList, n: int, used: I64, numbers: I32, second: int, triangles: I32, t: int
 ) -> int:
-    """Write the triangles of a list of n words from number t on, and return the next; numbers [33]: of each row's first
-    vertex."""
+    """Write the triangles of a list of n words from triangle t on; returns the next number. numbers [33]: the number of
+    each row's first vertex."""
     words, ys, shapes = found
     for k in range(n):
         shape, y, word = SHAPES[shapes[k]], ys[k], words[k]
@@ -50,8 +51,8 @@ def _write_listed(
 
 @parallel
 def count_triangles(depth: DepthMap, blocks: BlockArrays, parts: int, counts: I64) -> None:
-    """Fill counts [blocks, 2], vertices and triangles of every block, and the blocks' used words; `parts` as listed
-    above. Blocks that are not remade stay."""
+    """Fill counts [blocks, 2], the vertices and triangles of every block, and the blocks' used words. parts: SURFACE,
+    RIMS or BOTH. Blocks that are not remade stay."""
     h, w = depth.flags.shape
     block_rows, block_columns = blocks.states.shape
     limit = w if depth.wraps else w - 1
@@ -84,8 +85,8 @@ def count_triangles(depth: DepthMap, blocks: BlockArrays, parts: int, counts: I6
 def _write_used(
     codes: U16, x0: int, y0: int, used: I64, coding: Coding, rays: Rays, mesh: MeshArrays, numbers: I32, index: int
 ) -> int:
-    """Write the block's grid vertices from number `index` on, and return the next; numbers [33]: of each row's first
-    one."""
+    """Write the block's grid vertices from number `index` on; returns the next number. numbers [33]: filled with the
+    number of each row's first vertex."""
     camera, across, down = rays
     points, uv = mesh.points, mesh.uv
     w, (offset, step, least) = codes.shape[1], (coding.offset, coding.step, coding.min_code)
@@ -116,8 +117,8 @@ def _write_used(
 
 @serial
 def _copy_block(before: I64, old: MeshArrays, start: I64, end: I64, mesh: MeshArrays) -> None:
-    """Copy a block's vertices and triangles, which have other numbers now: from `before` [2] in the old mesh to `start`
-    to before `end`."""
+    """Copy a block's vertices and triangles from `before` [2] on in the old mesh to `start` [2] .. `end` [2] (excluded)
+    in the new one, and renumber the vertices."""
     points, uv, triangles = mesh
     old_points, old_uv, old_triangles = old
     moved = np.int32(start[0] - before[0])
@@ -136,9 +137,9 @@ def emit_triangles(
     depth: DepthMap, blocks: BlockArrays, parts: int, starts: I64, coding: Coding, rays: Rays, second: int,
     mesh: MeshArrays, old_starts: I64, old: MeshArrays,
 ) -> None:  # fmt: skip
-    """Fill a mesh with what was counted; starts [blocks + 1, 2]: where each block's vertices and triangles begin.
+    """Fill a mesh with the counted triangles; starts [blocks + 1, 2]: where each block's vertices and triangles begin.
 
-    second: 1, or 2 to wind triangles the other way. Blocks that are not remade are copied from an old mesh.
+    second: 1, or 2 to wind triangles the other way. Blocks that are not remade are copied from the old mesh.
     """
     h, w = depth.flags.shape
     block_rows, block_columns = blocks.states.shape

@@ -52,7 +52,7 @@ def hash_unit(x: int, y: int, z: int, seed: int) -> float:
 
 @serial
 def value_noise(x: float, y: float, z: float, seed: int) -> float:
-    """Smooth noise in [-1, 1] with one random value (`hash_unit`) a lattice point."""
+    """Smooth noise in [-1, 1] with one random value (`hash_unit`) per lattice point."""
     i, j, k = math.floor(x), math.floor(y), math.floor(z)
     fx, fy, fz = x - i, y - j, z - k
     fx, fy, fz = fx * fx * (3 - 2 * fx), fy * fy * (3 - 2 * fy), fz * fz * (3 - 2 * fz)
@@ -78,7 +78,7 @@ def value_noise(x: float, y: float, z: float, seed: int) -> float:
 
 @serial
 def fractal_noise(x: float, y: float, z: float, size: float, seed: int, footprint: float) -> float:
-    """Seven octaves from cells of `size` metres down; an octave goes as its cells near the footprint."""
+    """Seven octaves, from cells of `size` metres down; an octave fades out as its cells approach the footprint."""
     total, amplitude, cell = 0.0, 0.5, size
     for octave in range(7):
         fade = cell / footprint - 1.0
@@ -134,7 +134,7 @@ def _checker(u: float, v: float, cell: float, footprint: float) -> float:
 
 @serial
 def _text(s: float, t: float, seed: int, footprint: float) -> float:
-    """Lines of made-up letters over the unit square, eight lines of 3 x 5 dots a letter; the ink's share."""
+    """The share of ink in eight lines of made-up letters, of 3 x 5 dots each, over the unit square."""
     line, column = math.floor(t * 8.0), math.floor(s * 24.0)
     x, y = (s * 24.0 - column) * 4.0, (t * 8.0 - line) * 7.0
     if x >= 3.0 or y >= 5.0 or hash_unit(column, line, 11, seed) < 0.16:

@@ -1,8 +1,8 @@
 """Scenes made of boxes, ellipsoids, capsules and cylinders: which of them a ray meets first, and where.
 
-A part is a row of PART_SIZE numbers, of the sphere about it that holds it, its kind, its pose, its size (half edges of
-a box, half axes of an ellipsoid, radius, radius and half length of the axis of a capsule or cylinder along z), and its
-material. A group is a bounding sphere over consecutive parts.
+A part is a row of PART_SIZE numbers: its bounding sphere, its kind, its pose, its size (half edges of a box; half axes
+of an ellipsoid; radius, radius and half length of the axis of a capsule or cylinder along z), and its material. A group
+is a bounding sphere of consecutive parts.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def candidates(groups: F64, first: int, o: Vector, d: Vector, spread: float) -> 
 
 @serial
 def nearest(solids: Solids, among: IndexArray, o: Vector, d: Vector) -> tuple[float, int]:
-    """Nearest hit among some groups: (t, part), (inf, -1) where there is none."""
+    """Nearest hit among the groups `among`: (t, part), or (inf, -1) if there is none."""
     parts, groups = solids
     best, best_part = math.inf, -1
     for k in range(among.shape[0]):

@@ -31,7 +31,7 @@ __all__ = ["LAMP_SIZE", "SceneArrays", "TracedPicture", "trace_picture"]
 LAMP_X, LAMP_Y, LAMP_Z, STRENGTH, REACH = range(5)  # of a lamp; metres
 LAMP_SIZE = 5
 AMBIENT = 0.38
-TILE = 16  # pixels; the groups that a tile may see are sought once for all its rays
+TILE = 16  # pixels; the groups that a tile may see are searched once for all its rays
 
 
 class SceneArrays(NamedTuple):
@@ -54,7 +54,7 @@ class TracedPicture(NamedTuple):
 
 @serial
 def _light(lamps: F64, p: Vector, n: Vector) -> float:
-    """Diffuse light without shadows, so that what stands still keeps its colour whoever walks past."""
+    """Diffuse light without shadows, so that static things keep their colours when somebody walks past."""
     total: float = AMBIENT * (0.85 + 0.15 * n[2])
     for k in range(lamps.shape[0]):
         x, y, z = lamps[k, LAMP_X] - p[0], lamps[k, LAMP_Y] - p[1], lamps[k, LAMP_Z] - p[2]
@@ -83,7 +83,7 @@ def _shade(scene: SceneArrays, i: int, o: Vector, d: Vector, t: float, pixel_rad
 
 @serial
 def _ray(camera: F64, u: float, v: float) -> Vector:
-    """Direction through a pixel coordinate, as long as one unit of the camera's depth."""
+    """Direction through a pixel coordinate, with the length of one unit of the camera's depth."""
     x, y, z = unproject_point(camera, u, v, 1.0)
     cx, cy, cz = position(camera)
     return x - cx, y - cy, z - cz
@@ -100,7 +100,7 @@ def _pixel_rad(camera: F64) -> float:
 def _block_meets(
     camera: F64, solids: Solids, among: IndexArray, row: int, column: int, samples: int, spread: float
 ) -> bool:
-    """Whether any ray of a block of 2 x 2 pixels meets some groups, hidden or not."""
+    """Whether any ray of a block of 2 x 2 pixels meets the groups `among`, hidden or not."""
     parts, groups = solids
     o = position(camera)
     d = _ray(camera, column + 1.0, row + 1.0)
@@ -172,9 +172,9 @@ def trace_picture(
 ) -> None:
     """Write a picture (10-bit limited-range BT.709, 4:2:0) and its depth codes in place.
 
-    Blocks of 2 x 2 pixels that no ray of theirs meets a group from `first` on keep what they hold: with the
-    picture of the groups before `first` in the arrays, the result is that of tracing everything. first = 0
-    traces every block. Colour takes samples x samples rays a pixel, depth the one through its centre.
+    Blocks of 2 x 2 pixels without a ray that meets a group from `first` on keep their content: if the arrays hold the
+    picture of the groups before `first`, the result is that of tracing everything. first = 0 traces every block. Colour
+    takes samples x samples rays per pixel, depth the ray through its centre.
     """
     height, width = picture.luma.shape
     o, pixel_rad, solids = position(camera), _pixel_rad(camera), Solids(scene.parts, scene.groups)
