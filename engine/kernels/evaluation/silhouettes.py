@@ -145,7 +145,7 @@ def silhouette_offsets(
 
 @serial
 def _behind(line: F64, x: int, step: float, width: int) -> float:
-    """The greater disparity of the farther surfaces on both sides of a sample, less than `width` samples apart; or 0."""
+    """The greater disparity of the farther surfaces on both sides of a sample, less than `width` apart; or 0."""
     limit = line[x] / (1.0 + step)
     left = x - 1
     while left >= 0 and x - left <= width and line[left] >= limit:

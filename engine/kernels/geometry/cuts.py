@@ -53,7 +53,7 @@ def _pad_row(row: U16, wraps: bool, padded: U16) -> None:
 
 @serial
 def _mark_row(rows: U16, y: int, h: int, w: int, keep: U8, rules: CutRules, near: U8, words: I64) -> None:
-    """Cuts, validity and mask of row y as words [4, n] of 64 pixels, where near [n] != 0; rows: a ring of padded rows."""
+    """Cuts, validity and mask of row y as words [4, n] of 64 pixels, where near [n] != 0; rows: ring of padded rows."""
     edge, odd, has_invalid, has_keep, wraps = rules
     ring, pitch = rows.ctypes.data + 2, 2 * rows.shape[1]
     above, here = ring + (max(y - 1, 0) & 3) * pitch, ring + (y & 3) * pitch
@@ -142,9 +142,9 @@ def mark_broken(
             near[j] = wanted[band, j - 1] | wanted[band, j] | wanted[band, (j + 1) % n]
         first, end = int(np.int64(band)) * _BAND, min((int(np.int64(band)) + 1) * _BAND, h)
         rows = np.zeros((4, n * LANES + 4), np.uint16)  # a ring: the rows that one row's cuts depend on
-        words = np.zeros((3, 4, n), np.int64)  # a ring, too: what a row's flags depend on
+        words = np.zeros((3, 4, n), np.int64)  # a ring, too: the words on which a row's flags depend
         mask, tail, top = np.zeros(n * LANES, np.uint8), np.empty(LANES, np.uint8), np.zeros((4, n), np.int64)
-        padded = max(first - 2, 0)  # the next row to be
+        padded = max(first - 2, 0)  # the next row to be padded
         for y in range(max(first - 1, 0), min(end, h - 1) + 1):
             while padded <= min(y + 2, h - 1):
                 _pad_row(codes[padded], wraps, rows[padded & 3])

@@ -47,11 +47,11 @@ SIDE = BLOCK + 1  # vertices
 WORDS = SIDE + 2
 _FIRST, _LAST = SIDE, SIDE + 1  # words
 
-# What is known of a block's pixels: none is kept; all are and none is broken; anything.
+# States of a block. EMPTY: no pixel is kept; PLAIN: all pixels are kept and none is broken; MIXED: anything else.
 EMPTY, PLAIN, MIXED = 0, 1, 2
 
-# Scratch rows: a block's codes and per vertex what its own pixel demands, then errors of middles and of centres. Beside
-# and round the latter there are only zeros, for children that lie in other blocks.
+# Scratch rows: a block's codes, and for each vertex the error that its own pixel demands; then errors of middles and of
+# centres. Round the errors there are only zeros, for children in other blocks.
 _PITCH, _LEFT = 96, 16
 _CODES, _LEAST, _MIDDLES, _CENTRES = 0, SIDE, 2 * SIDE, 3 * SIDE + 8
 _ROWS = 4 * SIDE + 16
@@ -230,7 +230,7 @@ def _split_parents(splits: I64) -> None:
 
 @serial
 def _join_row(splits: I64, i: int, seam: int) -> bool:
-    """Take over the splits of neighbouring blocks on the common sides of a row's blocks; returns whether any changed."""
+    """Take over the splits of neighbouring blocks on the common sides of a row's blocks; returns whether any is new."""
     rows, columns = splits.shape[0], splits.shape[1]
     changed = False
     for j in range(columns):

@@ -119,7 +119,7 @@ def list_triangles(
 
 @serial
 def _list_squares(splits: I64, bits: I64, parity: int, columns: int, rows: int, found: TriangleList) -> int:
-    """List the quarters and halves of squares; returns their number."""
+    """List the quarters and halves of squares; returns the number of words."""
     words, ys, shapes = found
     inside, n = (1 << columns) - 1, 0
     for level in range(1, _LEVELS):
@@ -128,10 +128,10 @@ def _list_squares(splits: I64, bits: I64, parity: int, columns: int, rows: int, 
         for y in range(s, min(BLOCK, rows), 2 * s):
             here = ODD[s] & bits[KEPT_WORD, y]
             split, single = here & splits[y] & inside, here & ~splits[y]
-            if split != 0:  # round it, triangles with a side of the square
+            if split != 0:  # quarters: triangles round the middle, each with a side of the square
                 for k, other in enumerate((splits[y - s], splits[y + s], splits[y] << s, splits[y] >> s)):
                     n = _note(split & ~other, y, first + k, words, ys, shapes, n)
-            # Halves of squares: the vertex at their right angle is split, or they are the block's own.
+            # Halves of squares: the vertex at their right angle is split, or the square is the whole block.
             root = 2 * s == BLOCK
             above, below = (-1, -1) if root else (splits[y - s], splits[y + s])
             if single != 0 and (above | below) != 0:
@@ -178,7 +178,7 @@ def _moved(word: int, columns: int) -> int:
 
 @serial
 def count_listed(found: TriangleList, n: int, used: I64) -> tuple[int, int]:
-    """The numbers of vertices and triangles in a list of n words; used [33]: filled with the words of these vertices."""
+    """The numbers of vertices and triangles in a list of n words; used [33]: filled with words of these vertices."""
     words, ys, shapes = found
     used[:] = 0
     vertices, triangles = 0, 0

@@ -1,6 +1,6 @@
-"""Anti-aliasing where it shows: pixels at silhouettes are averaged from a canvas of twice the size.
+"""Anti-aliasing of silhouettes only: their pixels are averaged from a canvas of twice the size.
 
-`marks` uint8 [h, w] are the pixels meant; a fine plane is [2 h, 2 w] and has four samples for each.
+`marks` uint8 [h, w] is 1 for these pixels; a fine plane is [2 h, 2 w] and has four samples for each pixel.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ __all__ = ["average_marked", "keep_marked", "mark_silhouettes", "mark_tiles"]
 
 @inlined
 def _bends(before: float, here: float, after: float, step: float) -> bool:
-    """Whether drawn disparities leave a straight line: a slope is no silhouette."""
+    """Whether three drawn disparities bend by more than `step`; a straight slope is not a silhouette."""
     return before > 0.0 and after > 0.0 and abs(before - 2.0 * here + after) > step
 
 
 @parallel
 def mark_silhouettes(disparity: F32, step: float, marks: U8) -> None:
-    """Mark drawn pixels of which a neighbour left, right, above or below is another surface, or the pixel itself is:
-    disparity [h, w] bends by more than `step` there."""
+    """Mark drawn pixels at silhouettes: disparity [h, w] bends by more than `step` between the pixel and its neighbours
+    left and right, or above and below."""
     h, w = disparity.shape
     for row in numba.prange(h):
         y = np.int64(row)
@@ -37,7 +37,7 @@ def mark_silhouettes(disparity: F32, step: float, marks: U8) -> None:
 
 @parallel
 def mark_tiles(marks: U8, side: int, tiles: U8) -> None:
-    """tiles: 1 where one of a tile's side x side pixels is marked."""
+    """tiles: 1 if one of a tile's side x side pixels is marked."""
     h, w = marks.shape
     for row in numba.prange(tiles.shape[0]):
         j = np.int64(row)
@@ -50,7 +50,7 @@ def mark_tiles(marks: U8, side: int, tiles: U8) -> None:
 
 @parallel
 def keep_marked(marks: U8, fine: F32) -> None:
-    """Forget what a fine plane has for pixels that are not marked."""
+    """Clear the samples of a fine plane for pixels that are not marked."""
     for row in numba.prange(fine.shape[0]):
         y = np.int64(row)
         for x in range(fine.shape[1]):
@@ -62,7 +62,7 @@ def keep_marked(marks: U8, fine: F32) -> None:
 def average_marked(
     marks: U8, drawn: F32, fine_luma: F32, fine_b: F32, fine_r: F32, luma: F32, chroma_b: F32, chroma_r: F32
 ) -> None:
-    """Marked pixels take the mean of those of their four samples that were drawn (disparity `drawn` > 0)."""
+    """Sets marked pixels to the mean of those of their four samples that were drawn (disparity `drawn` > 0)."""
     h, w = marks.shape
     for row in numba.prange(h):
         j = np.int64(row)

@@ -1,4 +1,4 @@
-"""Laying the backdrop behind the warped views, where the present does not contradict it."""
+"""Laying the backdrop behind the warped views, except where present views contradict it."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from .records import DepthBuffer
 
 __all__ = ["lay_backdrop"]
 
-# Share of its depth by which a live surface must lie behind the backdrop's to be hidden by it, besides delta:
-# creases of the coarser backdrop mesh bulge a little.
+# The backdrop hides a drawn surface only if that is farther by this share of its depth and by delta: creases of the
+# coarser backdrop mesh bulge a little.
 _NEARER = 0.03
 
 
@@ -29,9 +29,10 @@ _NEARER = 0.03
 def _present(
     views: Views, order: I64, camera: F64, x: int, y: int, depth: float, limit: float
 ) -> tuple[float, int]:
-    """Depth and view of the first view in `order` that has a surface on a pixel's ray, no farther than `limit`.
+    """Depth and view of the first view in `order` with a surface on a pixel's ray, no farther than `limit`.
 
-    The first, not the nearest of all: it stands nearest to the eye, and the others would have to be asked as well.
+    It returns the first one, not the nearest surface of all views: that camera is nearest to the eye, and the search
+    for the nearest surface would have to ask all views.
     """
     for k in order:
         found = present_depth(views.table[k], views.addresses[k, CODES], camera, x, y, depth)
@@ -42,15 +43,15 @@ def _present(
 
 @inlined
 def _may_show(q: Any, live: Any, delta: Any) -> Any:
-    """Whether a backdrop's disparity q shows, as far as depths alone tell: 1 / q <= (1 - _NEARER) / live less delta
-    at 1 / q where something was drawn. Of numbers or vectors; delta: of such."""
+    """Whether a backdrop's disparity q shows by depth alone: if a pixel was drawn with disparity `live`, 1 / q must not
+    be more than (1 - _NEARER) / live minus delta at 1 / q. All are numbers, or vectors (delta: a pair of them)."""
     most = (1.0 - _NEARER) * q * q
     return (q > 0.0) & (live * (q + delta[0] * q * q) <= most) & (live * (q + delta[1]) <= most)
 
 
 @serial
 def _push_away(row: F32, push: Delta) -> None:
-    """Moves disparities of a row farther away."""
+    """Moves the disparities of a row farther away by `push`."""
     metres, disparity = np.float32(push[0]), np.float32(push[1])
     for x in range(row.shape[0]):
         q = row[x]
@@ -59,7 +60,7 @@ def _push_away(row: F32, push: Delta) -> None:
 
 @serial
 def _first_to_ask(backdrop: F32, disparity: F32, delta: Delta, x: int) -> int:
-    """The first pixel of a row, from x on, of sixteen pixels of which one may show the backdrop."""
+    """The first pixel, from x on, of the next sixteen pixels of a row of which one may show the backdrop."""
     last, around = disparity.shape[0] - LANES, (np.float32(delta[0]), np.float32(delta[1]))
     while x <= last:
         q, live = load(backdrop.ctypes.data, x), load(disparity.ctypes.data, x)
@@ -76,7 +77,7 @@ def _lay_pixel(
     disparity, winner = buffer
     q, live = backdrop[y, x], disparity[y, x]
     px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / q)
-    # What was drawn gives way to nothing that a view's outline leaves in doubt: a view's own picture stays.
+    # To cover a drawn surface, no texel may see past the backdrop's; in a hole, only all four together reject it.
     ghost, texels = False, 4 if live <= 0.0 else 1
     for k in range(views.table.shape[0]):
         if looks_through(views.table[k], views.addresses[k, CODES], px, py, pz, delta, texels):
@@ -101,15 +102,16 @@ def _lay_pixel(
 def lay_backdrop(
     backdrop: F32, camera: F64, views: Views, order: I64, push: Delta, delta: Delta, number: int, buffer: DepthBuffer
 ) -> None:
-    """Move the backdrop away by `push`, and take its disparity, as view `number`, where nothing was drawn or where it
-    is clearly nearer.
+    """Move the backdrop away by `push`, and write its disparity, as view `number`, where nothing was drawn or where the
+    backdrop is clearly nearer (section 3.4.2).
 
-    Not taken is what is a ghost of the past: a surface through which one of the present views looks, beside
-    whose outline even, if it would hide something.
-    `order` [n]: rows of the views that were not drawn, the most useful first. What stands before the background now,
-    they alone may know: where one has a surface on a hole's ray that is not behind the backdrop's (or anywhere on it,
-    if that is a ghost), the hole shows it, as view `number` + 1 + the view's row. And where there are such views, only
-    a backdrop that one of them confirms hides what was drawn.
+    A backdrop pixel is a ghost of the past, and is skipped, if any present view sees past it. Where it would cover a
+    drawn surface, one of the four texels seeing past it is enough.
+
+    `order` [n]: rows of the views that were not drawn, the most useful first. Only they may know a surface that stands
+    before the background now: if one of them has a surface on a hole's ray, not behind the backdrop's (or at any depth,
+    if the backdrop is a ghost), the hole shows it, as view `number` + 1 + the view's row. If there are such views, the
+    backdrop covers a drawn surface only where one of them confirms it.
     """
     disparity = buffer.disparity
     h, w = disparity.shape

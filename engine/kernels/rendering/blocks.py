@@ -1,4 +1,4 @@
-"""Blocks of meshes: which of them a picture may show, and where their points lie in it."""
+"""Blocks of meshes: those that a picture may show, and the projection of their points."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["bound_blocks", "place_points", "place_points_serially", "visible_blo
 
 @serial
 def bound_blocks(points: F32, starts: I64, spheres: F32) -> None:
-    """spheres [b, 4]: a sphere round each block's points, its radius negative where there are none."""
+    """spheres [b, 4]: centre and radius of a sphere round each block's points; a negative radius for an empty block."""
     for b in range(spheres.shape[0]):
         low, high = np.full(3, np.float32(np.inf)), np.full(3, np.float32(-np.inf))
         for i in range(starts[b, 0], starts[b + 1, 0]):
@@ -39,7 +39,7 @@ def bound_blocks(points: F32, starts: I64, spheres: F32) -> None:
 
 @inlined
 def _sphere_touches_hole(camera: F64, tiles: U8, x: float, y: float, z: float, r: float) -> bool:
-    """Whether the box round a sphere's picture touches a marked tile; the sphere lies before the eye."""
+    """Whether the bounding box of a sphere's image touches a marked tile; the sphere is in front of the eye."""
     width, height = int(camera[WIDTH]), int(camera[HEIGHT])
     u_low, u_high, v_low, v_high = math.inf, -math.inf, math.inf, -math.inf
     for k in range(4):
@@ -61,9 +61,9 @@ def _sphere_touches_hole(camera: F64, tiles: U8, x: float, y: float, z: float, r
 
 @serial
 def visible_blocks(spheres: F32, camera: F64, near: float, tiles: U8, visible: I64) -> int:
-    """List the blocks that a perspective picture may show (all, for another one); returns their number.
+    """List the blocks that a perspective picture may show (all, for another projection); returns their number.
 
-    Unless `tiles` is empty, only those that touch a marked tile.
+    Unless `tiles` is empty, only blocks that touch a marked tile are listed.
     """
     count = 0
     perspective = camera[KIND] == PERSPECTIVE
@@ -97,7 +97,7 @@ def _transform(points: F32, first: int, last: int, camera: F64, screen: F32) -> 
     for i in range(first, last):
         x, y, z = point_in_camera(camera, points[i, 0], points[i, 1], points[i, 2])
         if perspective:
-            # On the eye's plane itself nothing is projected: a hair beside it clipping finds the way back.
+            # A point on the plane of the eye cannot be projected. It is moved a little; clipping reverses that.
             x = x if abs(x) > 1e-20 else 1e-20
             inverse = 1.0 / x
             screen[i, 0] = camera[CX] - camera[FX] * y * inverse
@@ -110,7 +110,7 @@ def _transform(points: F32, first: int, last: int, camera: F64, screen: F32) -> 
 
 @inlined_late
 def _is_nearer(screen: int, i: int, among: Mask, disparity: int, width: int, height: int, margin: float) -> Mask:
-    """Of sixteen points from i on: see `place_points`."""
+    """Which of sixteen points from i on are nearer, see `place_points`."""
     fields = (to_integers(lane_numbers()) << 2) + 4 * i
     u, v = gather_floats(screen, fields, among), gather_floats(screen, fields + 1, among)
     inside = among & (u >= 0.0) & (v >= 0.0) & (u < np.float32(width)) & (v < np.float32(height))
@@ -135,10 +135,10 @@ def _place_points(
 ) -> None:
     """Points of visible blocks -> screen [n, 4]: u, v, disparity, and the depth along the view axis.
 
-    The depth's sign tells what is behind. For an equirectangular target screen holds the direction in camera axes
-    instead (x, y, z, unused). Unless `disparity` is empty, nearer [n] is 1 for points that lie before what is drawn to
-    their pixel by `margin`, or outside the picture: by point and not by triangle, as a point belongs to six of them and
-    what it waits for is memory.
+    The depth is negative behind the eye. For an equirectangular target, screen holds the direction in camera axes
+    instead (x, y, z, unused). Unless `disparity` is empty, nearer [n] is 1 for points that are nearer by `margin` than
+    the surface drawn in their pixel, or outside the picture. This is computed per point, not per triangle, because a
+    point belongs to six triangles and the work is bound by memory.
     """
     for k in numba.prange(visible.shape[0]):
         first, last = starts[visible[k], 0], starts[visible[k] + 1, 0]

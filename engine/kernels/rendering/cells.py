@@ -1,10 +1,10 @@
 """Colours of a cell, 2 x 32 pixels: four vectors of luma (parts), and one of chroma for its blocks of 2 x 2 pixels.
 
-What the views show of a cell (`kernels.rendering.look`) is kept until all have been asked: only then is it known how
-much of a pixel's colour comes from each. Chroma, a quarter of the samples, is fetched by pixels' places in the views,
-or by cubic convolution once for a block that is smooth in a view.
+The samples of a cell in the views (`kernels.rendering.look`) are kept until all views have been asked: only then is the
+share of each view in a pixel's colour known. Chroma, a quarter of the samples, is fetched at the pixels' places in the
+views, or once by cubic convolution for a block that is smooth in a view.
 
-Everything is given by address, as float32 [..., PARTS, LANES].
+All arrays are given by address, as float32 [..., PARTS, LANES].
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ PARTS = 4
 CELL = 2 * LANES  # columns
 _SHARE, _LUMA, _U, _V, _MANNER, _CODE, _CLEAN, _MIXED = range(8)  # of what a view shows
 FIELDS = 8
-_APART_PX = 3.0  # between a block's pixels in a view, beyond which they have no chroma in common
+_APART_PX = 3.0  # largest distance of a block's pixels in a view at which they share chroma
 
 
 class Sources(NamedTuple):
-    """Views that colour a picture: addresses of their lenses and of their planes' addresses, and how they are asked."""
+    """Views that colour a picture: addresses of their lenses and of their planes' addresses, and how to use them."""
 
     lenses: int
     addresses: int
     view_count: int
-    blend: int  # views, at most, that contribute to a pixel
-    cubic: bool  # interpolated by cubic convolution where a surface is whole and its colours are rough
+    blend: int  # largest number of views that contribute to a pixel
+    cubic: bool  # interpolate by cubic convolution where a surface is whole and its colours are rough
 
 
 @inlined_late
@@ -59,13 +59,14 @@ def _put(seen: int, k: int, part: int, field: int, values: Floats) -> None:
 
 @inlined_late
 def _by_block(left: Floats, right: Floats) -> Floats:
-    """Sums of two columns each."""
+    """Sums of each two neighbouring columns."""
     return evens(left, right) + odds(left, right)
 
 
 @inlined_late
 def _sum(seen: int, k: int, field: int) -> Floats:
-    """Of each block in view k, a field's sum by the pixels' shares; what has none may be anything, even no number."""
+    """For each block in view k, the sum of a field, weighted by the pixels' shares; pixels without a share may hold
+    anything, even NaN."""
     total = spread(0.0)
     for part in range(0, PARTS, 2):
         left, right = _field(seen, k, part, _SHARE), _field(seen, k, part + 1, _SHARE)
@@ -76,7 +77,7 @@ def _sum(seen: int, k: int, field: int) -> Floats:
 
 @inlined_late
 def _most(seen: int, k: int, field: int, sign: float) -> Floats:
-    """Of each block in view k, the largest of a field, times a sign, among the pixels that the view sees."""
+    """For each block in view k, the largest value of a field, times a sign, among the pixels that the view sees."""
     most = spread(-1e9)
     for part in range(0, PARTS, 2):
         left, right = sign * _field(seen, k, part, field), sign * _field(seen, k, part + 1, field)
@@ -88,7 +89,7 @@ def _most(seen: int, k: int, field: int, sign: float) -> Floats:
 
 @serial
 def _chroma_of_pixels(lens: int, addresses: int, seen: int, k: int) -> tuple[Floats, Floats]:
-    """Chroma of each block in view k as the sum over its pixels, each with the sample nearest to it."""
+    """Chroma of each block in view k: the sum over its pixels of the nearest sample times the pixel's share."""
     sum_b, sum_r = spread(0.0), spread(0.0)
     for part in range(0, PARTS, 2):
         left, right = _field(seen, k, part, _SHARE), _field(seen, k, part + 1, _SHARE)
@@ -103,15 +104,15 @@ def _chroma_of_pixels(lens: int, addresses: int, seen: int, k: int) -> tuple[Flo
 
 @serial
 def _colour_blocks(lens: int, addresses: int, cubic: bool, seen: int, k: int, weight: Floats) -> tuple[Floats, Floats]:
-    """Chroma of a cell's blocks in view k, times their weight: that of each pixel or, where the block is smooth in the
-    view but its colours are rough, that of its middle by cubic convolution if the view has all samples for it."""
+    """Chroma of a cell's blocks in view k, times their weight: from each pixel; or, if the block is smooth in the view
+    but its colours are rough, by cubic convolution at its middle, if the view has all samples for that."""
     between, b, r = weight < 0.0, spread(0.0), spread(0.0)
     if cubic:
         between = _most(seen, k, _MANNER, 1.0) == np.float32(ROUGH)
         if any_of(between):
             between &= _most(seen, k, _U, 1.0) + _most(seen, k, _U, -1.0) <= np.float32(_APART_PX)
             between &= _most(seen, k, _V, 1.0) + _most(seen, k, _V, -1.0) <= np.float32(_APART_PX)
-            # Smooth pixels of a rough block may lie nearer to the border than rough ones, and so may its middle.
+            # Smooth pixels of a rough block may be nearer to the border than rough ones, and so may the block's middle.
             u, v = _sum(seen, k, _U) / weight, _sum(seen, k, _V) / weight
             between &= is_inside_chroma(lens, u, v)
             b, r = chroma_between(lens, addresses, u, v, between)
@@ -124,10 +125,10 @@ def _colour_blocks(lens: int, addresses: int, cubic: bool, seen: int, k: int, we
 
 @serial
 def colour_cell(sources: Sources, n: int, seen: int, inverses: int) -> tuple[Floats, Floats, Floats]:
-    """Chroma of a cell's sixteen blocks: sums of cb and cr over the pixels that the first n views coloured, and their
-    number.
+    """Chroma of a cell's sixteen blocks: sums of cb and cr over the pixels that the first n views coloured, and the
+    number of these pixels.
 
-    inverses [PARTS, LANES]: of the sums of the pixels' weights."""
+    inverses [PARTS, LANES]: 1 / sum of each pixel's weights."""
     count, sum_b, sum_r = spread(0.0), spread(0.0), spread(0.0)
     for k in range(n):
         weight = spread(0.0)
@@ -151,10 +152,10 @@ def colour_cell(sources: Sources, n: int, seen: int, inverses: int) -> tuple[Flo
 
 @serial
 def _aim_cell(lens: int, blends: bool, pixels: int, seen: int, k: int) -> None:
-    """Where view k would see a cell's pixels.
+    """Writes the places of a cell's pixels in view k.
 
-    By itself, as what waits for pictures waits for all: parts do not depend on each other, and the processor works on
-    several at once if they are short."""
+    It is a function of its own, without fetches that wait for memory: its parts do not depend on each other, and the
+    processor works on several parts at once if they are short."""
     for part in range(PARTS):
         q, dx = load(pixels, part * LANES), load(pixels, (PARTS + part) * LANES)
         dy, dz = load(pixels, (2 * PARTS + part) * LANES), load(pixels, (3 * PARTS + part) * LANES)
@@ -168,7 +169,7 @@ def _aim_cell(lens: int, blends: bool, pixels: int, seen: int, k: int) -> None:
 
 @serial
 def _look_cell(lens: int, addresses: int, blend: int, cubic: bool, pixels: int, seen: int, k: int, sums: int) -> bool:
-    """Ask view k for the pixels of a cell that are still open; returns whether any are left."""
+    """Ask view k for the pixels of a cell that still need views; returns whether any are left after it."""
     left = spread(0.0)
     for part in range(PARTS):
         count = load(sums, part * LANES)
@@ -194,10 +195,11 @@ def _look_cell(lens: int, addresses: int, blend: int, cubic: bool, pixels: int, 
 
 @serial
 def see_cell(sources: Sources, pixels: int, seen: int, sums: int) -> int:
-    """Ask views for a cell; returns how many were asked.
+    """Ask views for a cell; returns the number of views asked.
 
-    pixels [4, PARTS, LANES]: disparity and direction; seen [views, FIELDS, PARTS, LANES]: filled for those asked;
-    sums [3, PARTS, LANES]: filled with the number of views that agree, their weights, and their luma by weight.
+    pixels [4, PARTS, LANES]: disparity and direction; seen [views, FIELDS, PARTS, LANES]: filled for the views asked;
+    sums [3, PARTS, LANES]: filled with the number of views that agree, the sum of their weights, and the weighted sum
+    of their luma.
     """
     largest = spread(0.0)
     for part in range(PARTS):

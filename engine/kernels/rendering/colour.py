@@ -1,4 +1,4 @@
-"""Colour: BT.709 limited-range 10-bit Y'CbCr 4:2:0 to and from 8-bit RGB, and the planes that JPEG codes."""
+"""Colour: BT.709 limited-range 10-bit Y'CbCr 4:2:0 to and from 8-bit RGB, and to the planes for JPEG."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CR_CB = -LUMA_CB / (2.0 * (1.0 - LUMA_601[0]))
 CR_CR = (RED_709 - LUMA_CR) / (2.0 * (1.0 - LUMA_601[0]))
 
 
-SHIFT = 18  # fixed point: integers vectorise where clipped conversions of floats do not
+SHIFT = 18  # bits of fixed point: integers are vectorised, clipped conversions of floats are not
 HALF = 1 << (SHIFT - 1)
 _SCALE_Y = round(255.0 / (WHITE - BLACK) * (1 << SHIFT))
 _SCALE_C = 255.0 / SWING * (1 << SHIFT)
@@ -99,9 +99,10 @@ def ycbcr_from_rgb(rgb: U8, y: U16, cb: U16, cr: U16) -> None:
 
 @serial
 def jpeg_planes(y: U16, cb: U16, cr: U16, out_y: U8, out_cb: U8, out_cr: U8) -> None:
-    """Write full-range 8-bit BT.601 planes (JFIF): a linear map, no RGB in between.
+    """Write full-range 8-bit BT.601 planes (JFIF) by a linear map, without RGB in between.
 
-    out_cb, out_cr: as large as cb; out_y: twice that each way, its last row and column repeated where h or w is odd.
+    out_cb, out_cr: as large as cb; out_y: twice that in each direction, its last row and column repeated if h or w is
+    odd.
     """
     h, w = y.shape
     differences = np.empty(w, np.int32)

@@ -1,8 +1,8 @@
 """Disocclusion filling (paper section 3.4.3) and packing of the finished picture.
 
-Filling goes over a pyramid: each level's cells average what is known of the finer level, farther surfaces first;
-then, from the coarsest level back, what is missing is taken from the coarser one (push-pull). Narrow holes get
-their neighbours' colours, wide ones something smooth, in time proportional to the picture.
+Filling uses a pyramid (push-pull): each level's cells average the known cells of the finer level, farther surfaces
+weighted more; then, from the coarsest level back, missing cells are taken from the coarser one. Narrow holes get their
+neighbours' colours, wide ones smooth colours, in time proportional to the picture.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ __all__ = [
 ]
 
 
-MIXED = 1e-3  # weight, of 1, of a pixel whose colour may be mixed with that of what hides a hole
-UNKNOWN = -1.0  # weight of a cell that nothing is known of and nobody asks for
-CELL = 4  # pixels a side of the pyramid's finest cells
+MIXED = 1e-3  # weight (others: 1) of a pixel whose colour may be mixed with that of the surface that hides a hole
+UNKNOWN = -1.0  # weight of a cell that is unknown and not needed
+CELL = 4  # side of the pyramid's finest cells, pixels
 
 
 @parallel
@@ -38,12 +38,13 @@ def first_level(
 ) -> None:
     """level [ceil(h / CELL), ceil(w / CELL), 5] from the picture: weight, disparity and colour of each cell.
 
-    near [rows, columns]: 1 for blocks of block x block cells that are wanted; the others' cells get the weight UNKNOWN.
+    near [rows, columns]: 1 for needed blocks of block x block cells; cells of the others get the weight UNKNOWN.
 
-    disparity [h, w]: of holes, the negative of what goes on behind something there, so that the rims of what hides it
-    count little; minus infinity where nothing hides it.
+    disparity [h, w]: in holes, minus the disparity of the hidden surface that continues there, so that the rims of the
+    surface in front count little; minus infinity where nothing hides it.
 
-    Of a cell that is all one surface a pixel in each row and column is looked at: the level serves smooth colours.
+    In a cell of a single surface, only one pixel in each row and column is read, as the level only serves smooth
+    colours.
     """
     h, w = disparity.shape
     for j in numba.prange(level.shape[0]):
@@ -59,7 +60,7 @@ def first_level(
 
 @inlined
 def _average(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, top: int, left: int, cell: F32) -> bool:
-    """cell [5] of one surface, from a pixel in each row and column; False where it has holes or several surfaces."""
+    """cell [5] of one surface, from one pixel in each row and column; False if it has holes or several surfaces."""
     a, b, c, d = left + 1, left + 3, left, left + 2
     qa, qb, qc, qd = disparity[top, a], disparity[top + 1, b], disparity[top + 2, c], disparity[top + 3, d]
     farthest = min(min(qa, qb), min(qc, qd))
@@ -75,7 +76,7 @@ def _average(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, top: int, 
 
 @inlined
 def _beside_hidden(disparity: F32, y: int, x: int) -> bool:
-    """Whether a pixel touches a hole that something hides: its colour may be mixed with that of what does."""
+    """Whether a pixel touches a hole that something hides: its colour may be mixed with that of the hiding surface."""
     h, w = disparity.shape
     a, b = disparity[max(y - 1, 0), x], disparity[min(y + 1, h - 1), x]
     c, d = disparity[y, max(x - 1, 0)], disparity[y, min(x + 1, w - 1)]
@@ -84,7 +85,7 @@ def _beside_hidden(disparity: F32, y: int, x: int) -> bool:
 
 @serial
 def _weigh(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, top: int, left: int, cell: F32) -> None:
-    """cell [5] from all of its pixels, farther surfaces first."""
+    """cell [5] from all of its pixels, farther surfaces weighted more."""
     bottom, right = min(top + CELL, disparity.shape[0]), min(left + CELL, disparity.shape[1])
     farthest = np.float32(np.inf)
     for y in range(top, bottom):
@@ -131,7 +132,7 @@ next_level_serially = serial(_next_level)
 
 @inlined
 def _worth(q: float, farthest: float) -> float:
-    """Weight of a surface: the farther continues behind the nearer."""
+    """Weight of a surface of disparity q: farther surfaces, which continue behind nearer ones, get more."""
     ratio = farthest / q
     ratio *= ratio
     ratio *= ratio
@@ -147,7 +148,8 @@ def _store(cell: F32, total: float, farthest: float, sum_y: float, sum_b: float,
 
 @inlined
 def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float]:
-    """Colour between the four nearest cells of a level (their centres at whole numbers), farther surfaces first."""
+    """Colour between the four nearest cells of a level (their centres at whole numbers), farther surfaces weighted
+    more."""
     j = min(max(math.floor(row), 0), max(coarse.shape[0] - 2, 0))
     i = min(max(math.floor(column), 0), max(coarse.shape[1] - 2, 0))
     nj, ni = min(j + 1, coarse.shape[0] - 1), min(i + 1, coarse.shape[1] - 1)
@@ -157,7 +159,7 @@ def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float
     total, sum_y, sum_b, sum_r = 0.0, 0.0, 0.0, 0.0
     for k in range(4):
         a, b = (nj if k & 1 else j), (ni if k & 2 else i)
-        # A little of every cell, so that one of any disparity stands alone where its weight is all there is.
+        # Each cell gets at least a little, so that the result is defined if a single cell has a weight.
         share = (fj if k & 1 else 1.0 - fj) * (fi if k & 2 else 1.0 - fi) + 1e-6
         if not one:
             share *= max(_worth(coarse[a, b, 1], farthest), 1e-6)
@@ -169,7 +171,7 @@ def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float
 
 
 def _refine_level(coarse: F32, fine: F32) -> None:
-    """Complete a level from the coarser one, which is complete: what a cell lacks in weight comes from there."""
+    """Complete a level from the coarser one, which is complete and supplies the weight that a cell lacks."""
     for j in numba.prange(fine.shape[0]):
         for i in range(fine.shape[1]):
             weight = fine[j, i, 0]
@@ -192,10 +194,10 @@ refine_level_serially = serial(_refine_level)
 def fade_into_smooth(
     places: I32, layer: I32, level: F32, fade: float, disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32
 ) -> None:
-    """Mix what was continued into holes with the first level, which is complete.
+    """Mix the structure that was continued into holes with the first level, which is complete.
 
-    places [n, 2]: the holes' rows and columns. layer [h, w]: how many pixels in from the rim each has been coloured,
-    0 where it has not; half each at `fade` pixels. The holes' disparity becomes 0 again.
+    places [n, 2]: the holes' rows and columns. layer [h, w]: distance, in pixels from the rim, of holes with structure;
+    0: none. At `fade` pixels both parts are equal. The holes' disparity becomes 0 again.
     """
     for n in numba.prange(places.shape[0]):
         y, x = np.int64(places[n, 0]), np.int64(places[n, 1])

@@ -1,10 +1,10 @@
-"""Lenses: a view as seen from one eye, and where it would see points.
+"""Lenses: a view relative to one eye, to project the eye's pixels into the view.
 
-A pixel is a direction from the eye and a disparity q. All geometry is in the view's axes, relative to its centre and
-times q, which neither angles nor ratios of lengths notice: there the pixel's point is M direction + q t, float32. That
-is exact to a few thousandths of a pixel at 8192 columns.
+A pixel is a direction from the eye and a disparity q. All geometry is in the view's axes, relative to its centre, and
+scaled by q, which changes neither angles nor ratios of lengths: there the pixel's point is M direction + q t, float32.
+That is exact to a few thousandths of a pixel at 8192 columns.
 
-A lens is float32 [LENS_SIZE]: what a view table's row (`kernels.base.view_table`) says, as seen from one eye.
+A lens is float32 [LENS_SIZE]: the data of a view table's row (`kernels.base.view_table`), relative to one eye.
 """
 
 from __future__ import annotations
@@ -56,20 +56,20 @@ __all__ = [
     "make_lens",
 ]
 
-# Of a lens. Rotation, view from eye, 3 x 3 and row-major (_XY: what an eye's y adds to the view's x), and shift.
+# Fields of a lens. Rotation, view from eye, 3 x 3 and row-major (_XY: from the eye's y to the view's x), and shift.
 _XX, _XY, _XZ, _YX, _YY, _YZ, _ZX, _ZY, _ZZ = range(9)
 _ROTATION = _XX
 _SHIFT_X, _SHIFT_Y, _SHIFT_Z = 9, 10, 11
 PICTURE_WIDTH, PICTURE_HEIGHT, _OFFSET, _PER_STEP, _KIND, PICTURE_WRAPS = 12, 13, 14, 15, 16, 17
 _FX, _CX, _FY, _CY = 18, 19, 20, 21  # or columns, left, rows, top
-EDGE, TOLERANCE, LEAST = 22, 23, 24  # codes; the least valid one
+EDGE, TOLERANCE, LEAST = 22, 23, 24  # codes; LEAST: the least valid one
 _SHARPNESS2, _PIXEL2, SUBSAMPLED = 25, 26, 27
 TONE_AT = 28
 LENS_SIZE = TONE_AT + TONE_SIZE
 
-OUTSIDE = -1e9  # stands for the depth code of a point that a view has no pixel for
-_MIXED = 0.03  # weight of a texel at a depth edge: where no other view sees a surface, its rim is painted with it
-_BORDER_PX = 8.0  # over which a view fades out near its border
+OUTSIDE = -1e9  # instead of the depth code of a point outside a view's picture
+_MIXED = 0.03  # weight of a texel at a depth edge: it colours the rim of a surface that no other view sees
+_BORDER_PX = 8.0  # width of the zone near its border in which a view fades out
 
 
 @inlined_late
@@ -113,8 +113,8 @@ def _absolute(x: Floats) -> Floats:
 
 @inlined_late
 def _angle(ratio: Floats, steep: Mask, negative: Mask) -> Floats:
-    """Arc tangent of a ratio in [0, 1] or, where it is `steep`, of its inverse: within 3e-7 rad, a thousandth
-    of a pixel."""
+    """Arc tangent of a ratio in [0, 1] or, where it is `steep`, of its inverse; negated where it is `negative`. Within
+    3e-7 rad, a thousandth of a pixel."""
     r = arc_tangent_of_ratio(ratio)
     r = select(steep, 0.5 * math.pi - r, r)
     return select(negative, -r, r)
@@ -122,7 +122,7 @@ def _angle(ratio: Floats, steep: Mask, negative: Mask) -> Floats:
 
 @inlined_late
 def _project(lens: int, q: Floats, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
-    """Points in the view's axes, times q -> u, v and depth code; the code is OUTSIDE where there is no image."""
+    """Points in the view's axes, scaled by q -> u, v and depth code; the code is OUTSIDE where there is no image."""
     if load_f32(lens, _KIND) == PERSPECTIVE:
         inverse = 1.0 / x
         u = load_f32(lens, _CX) - load_f32(lens, _FX) * y * inverse
@@ -140,7 +140,7 @@ def _project(lens: int, q: Floats, x: Floats, y: Floats, z: Floats) -> tuple[Flo
         u = (load_f32(lens, _CX) - across) * load_f32(lens, _FX)
         v = (load_f32(lens, _CY) - up) * load_f32(lens, _FY)
         near = q * longer * higher * inverse
-        # The azimuth is known up to a turn: take the one nearest to the picture's middle.
+        # Of the azimuths that differ by whole turns, take the one nearest to the picture's middle.
         turn = np.float32(2.0 * math.pi) * load_f32(lens, _FX)
         most = np.float32(0.5) * (load_f32(lens, PICTURE_WIDTH) + turn)
         u = select(u > most, u - turn, u)
@@ -152,12 +152,13 @@ def _project(lens: int, q: Floats, x: Floats, y: Floats, z: Floats) -> tuple[Flo
 
 @inlined_late
 def _weigh(lens: int, q: Floats, ex: Floats, ey: Floats, ez: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """Weights of the view's clean and mixed texels: small angle between its ray and the eye's (e), fine sampling,
-    off the border. Where the two rays are within a pixel of each other, a mixed texel is what the eye sees."""
+    """Weights of the view's clean and mixed texels. They grow with a small angle between the view's ray and the eye's
+    (e), with fine sampling, and away from the border. If both rays are within a pixel of each other, the eye sees the
+    same mixture, and a mixed texel counts like a clean one."""
     tx, ty, tz = load_f32(lens, _SHIFT_X), load_f32(lens, _SHIFT_Y), load_f32(lens, _SHIFT_Z)
     vx, vy, vz = ex + tx * q, ey + ty * q, ez + tz * q
     ee, vv = ex * ex + ey * ey + ez * ez, vx * vx + vy * vy + vz * vz
-    # The rays span what the eye's and the shift do, which does not cancel where they are nearly the same.
+    # Both rays span the same plane as the eye's ray and the shift, whose product is exact even for nearly equal rays.
     cx, cy, cz = ey * tz - ez * ty, ez * tx - ex * tz, ex * ty - ey * tx
     both = ee * vv
     sine2 = q * q * (cx * cx + cy * cy + cz * cz)  # times both
@@ -179,8 +180,8 @@ def _weigh(lens: int, q: Floats, ex: Floats, ey: Floats, ez: Floats, u: Floats, 
 def aim(
     lens: int, q: Floats, dx: Floats, dy: Floats, dz: Floats, blends: bool
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Where a view would see pixels of disparity q in directions d from the eye: u, v and depth code, which is OUTSIDE
-    where it does not; and, if it `blends` with others, weights of its clean and its mixed texels there.
+    """Projects pixels of disparity q in directions d from the eye into a view: u, v and depth code, which is OUTSIDE if
+    there is no image; and, if the view `blends` with others, the weights of its clean and its mixed texels there.
 
     lens: address of the view's lens."""
     ex = load_f32(lens, _XX) * dx + load_f32(lens, _XY) * dy + load_f32(lens, _XZ) * dz

@@ -1,6 +1,6 @@
-"""What a view shows at sixteen pixels of a picture: whether it sees their surface, how well, and in which colour.
+"""A view's samples for sixteen pixels of a picture: whether it sees their surface, how well, and with which colour.
 
-Where the pixels' points lie in the view, a `lens` tells (`aim`).
+A `lens` projects the pixels' points into the view (`aim`).
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ _RANGE = 16  # codes between four texels within which linear interpolation is as
 
 
 class _Place(NamedTuple):
-    """Where points lie between four texels of a picture each."""
+    """Places of points between four texels of a picture each."""
 
-    texel: Integers  # number of the upper left one along the rows; its column and row:
+    texel: Integers  # number of the upper left texel along the rows; then its column and row
     x: Integers
     y: Integers
     column: Integers  # as x, but the last one where the point lies across the seam of a picture that wraps
-    fx: Floats  # share of the right ones, and of the lower ones
+    fx: Floats  # share of the right texels; then of the lower ones
     fy: Floats
     seam: Mask  # the point lies between the last column and the first one
-    crosses: bool  # whether any does
+    crosses: bool  # whether any point lies across the seam
 
 
 @inlined_late
@@ -67,8 +67,8 @@ def _four(address: int, place: _Place, width: int, mask: Mask) -> tuple[Integers
 def _shares(
     lens: int, addresses: int, place: _Place, width: int, last: int, seen: Mask, code: Floats
 ) -> tuple[Floats, Mask, Floats, tuple[Floats, Floats, Floats, Floats]]:
-    """How much of the surface of these depth codes a view sees, whether the four texels are one surface, how colours
-    are to be fetched (SMOOTH, CAREFUL), and the share of each texel.
+    """The degree to which a view sees the surface of these depth codes, whether the four texels are one surface, how
+    colours are to be fetched (SMOOTH, CAREFUL), and the share of each texel.
 
     last: number of the picture's last texel.
     """
@@ -86,7 +86,7 @@ def _shares(
     wa, wb, wc, wd = gx * gy, fx * gy, gx * fy, fx * fy
     manner = spread(0.0)
     if any_of(seen & ~whole):
-        # An edge runs between the texels, or a slope: of an edge take those of the wanted surface only.
+        # There is an edge between the texels, or a slope. At an edge, take only texels of the wanted surface.
         inner = ~place.seam & ~is_cut(load_i64(addresses, CUTS), place.texel, width, last, seen & ~whole)
         whole |= inner & (to_floats(low) >= least)
         limit = np.float32(0.5) * load_f32(lens, EDGE) + tolerance
@@ -111,17 +111,17 @@ def look(
     lens: int, addresses: int, seen: Mask, u: Floats, v: Floats, code: Floats, clean: Floats, mixed: Floats,
     blends: bool, cubic: bool,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:  # fmt: skip
-    """What a view shows at (u, v), where surfaces of these depth codes are seen or hidden, with these weights (`aim`).
+    """A view's samples at (u, v) for surfaces with these depth codes; `clean` and `mixed` are the weights from `aim`.
 
-    lens: address of its lens; addresses: that of the addresses of its planes (`base.view_table`). Returns its weight
-    (0: it does not see the surface), its luma, where its chroma is to be fetched (u, v), and how (SMOOTH, ROUGH,
-    CAREFUL). With `cubic` luma is interpolated by cubic convolution where it is rough.
+    lens: address of the view's lens; addresses: address of the addresses of its planes (`base.view_table`). Returns the
+    view's weight (0: it does not see the surface), its luma, the place (u, v) where its chroma is to be fetched, and
+    how (SMOOTH, ROUGH, CAREFUL). With `cubic`, luma is interpolated by cubic convolution where it is rough.
     """
     nothing = spread(0.0)
     width, height = int(load_f32(lens, PICTURE_WIDTH)), int(load_f32(lens, PICTURE_HEIGHT))
     last = width * height - 1
     place = _place(lens, width, height, seen, u, v)
-    # The next rows of the picture will look below.
+    # The next rows of the picture will read the texels below.
     prefetch(load_i64(addresses, CODES), place.texel + 3 * width)
     prefetch(load_i64(addresses, Y), place.texel + 3 * width)
     prefetch(load_i64(addresses, CUTS), (place.texel + 3 * width) >> 1)
@@ -129,12 +129,12 @@ def look(
     found = share > 0.0
     if not any_of(found):
         return nothing, nothing, nothing, nothing, nothing
-    # Of what is seen, not of what was found: to wait for that costs more.
+    # For all points in the picture, not only for visible surfaces: waiting for that result costs more.
     a, b, c, d = _four(load_i64(addresses, Y), place, width, seen)
     luma = wa * to_floats(a) + wb * to_floats(b) + wc * to_floats(c) + wd * to_floats(d)
     if cubic:
         contrast = maximum(maximum(a, b), maximum(c, d)) - minimum(minimum(a, b), minimum(c, d))
-        # Four by four samples of the chroma, and of the luma more so, must lie inside the picture.
+        # 4 x 4 samples of the chroma must lie inside the picture, and then those of the luma do, too.
         inside = (place.x >= 3) & (place.y >= 3) & (place.x < width - 7) & (place.y < height - 7)
         rough = found & whole & inside & (contrast > _RANGE)
         if any_of(rough):
@@ -145,7 +145,7 @@ def look(
         broken = (bytes_at(load_i64(addresses, CUTS), nearest, last, seen) & BROKEN) != 0
         share *= select(broken, mixed, clean)
         manner = select(broken, spread(CAREFUL), manner)
-    # Chroma from the middle of the texels taken.
+    # Chroma is taken at the middle of the chosen texels.
     chosen = manner == CAREFUL
     u = select(chosen & ~whole, to_floats(place.column) + 0.5 + wb + wd, u)
     v = select(chosen & ~whole, to_floats(place.y) + 0.5 + wc + wd, v)
