@@ -19,9 +19,9 @@ from .texels import bytes_at, cubic_convolution, is_cut, pairs_at
 
 __all__ = ["CAREFUL", "ROUGH", "SMOOTH", "look"]
 
-SMOOTH, ROUGH, CAREFUL = 0.0, 1.0, 2.0  # how a pixel's colours vary round it; careful: other surfaces are near
+SMOOTH, ROUGH, CAREFUL = 0.0, 1.0, 2.0  # variation of colours round a pixel; CAREFUL: other surfaces are near
 
-_RANGE = 16  # codes between four texels within which linear interpolation is as good as cubic
+_RANGE = 16  # codes: if four texels differ by no more, linear interpolation is as good as cubic
 
 
 class _Place(NamedTuple):

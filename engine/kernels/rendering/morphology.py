@@ -1,8 +1,9 @@
-"""Morphological anti-aliasing (Reshetov 2009) along silhouettes that a disparity picture shows.
+"""Morphological anti-aliasing (Reshetov 2009) along the silhouettes in a disparity picture.
 
-A silhouette between pixels is a staircase. Where a run of it between two rows ends with a step up or down, the outline
-that it stands for crosses the rows: a straight line from half a pixel aside at that end to the run's middle. What the
-line cuts off a pixel takes the colour of the pixel beyond the silhouette. Nothing is drawn again.
+A silhouette between pixels is a staircase. If a run of it between two rows ends with a step up or down, the real
+outline crosses the rows: it is approximated by a straight line from half a pixel away at that end to the run's middle.
+The part of a pixel that the line cuts off takes the colour of the pixel on the other side of the silhouette. Nothing is
+drawn again.
 """
 
 from __future__ import annotations
@@ -17,15 +18,16 @@ __all__ = ["SPAN", "blend_steps", "mark_steps"]
 
 Planes = tuple[U16, U16, U16]
 
-SPAN = 64  # pixels of a row that are passed over together where there is no silhouette
+SPAN = 64  # pixels of a row that are skipped together if there is no silhouette
 RIGHT = 1  # a silhouette runs between this pixel and its right neighbour
 DOWN = 2
-_SLOPE = np.float32(1.5)  # steps up to so many times the lesser slope beside them belong to a surface
+_SLOPE = np.float32(1.5)  # steps up to this times the smaller slope next to them belong to a surface
 
 
 @serial(fastmath={"nnan"})
 def _mark_row(before: F32, a: F32, b: F32, after: F32, least: float, bit: int, out: U8) -> None:
-    """Set a bit of out [n] where a and b, two of four pixels in line, step by more than slopes beside them explain."""
+    """Set a bit of out [n] where the step between a and b, the middle two of four pixels in line, is more than `least`
+    and more than the slopes next to it explain."""
     for x in range(out.shape[0]):
         excess = abs(a[x] - b[x]) - least
         slope_a, slope_b = _SLOPE * abs(before[x] - a[x]), _SLOPE * abs(b[x] - after[x])
@@ -34,7 +36,8 @@ def _mark_row(before: F32, a: F32, b: F32, after: F32, least: float, bit: int, o
 
 @parallel
 def mark_steps(disparity: F32, step: float, marks: U8, found: U8) -> None:
-    """Fill marks [h, w] with RIGHT and DOWN where disparity [h, w] steps by more than `step` and than slopes explain.
+    """Fill marks [h, w] with RIGHT and DOWN where disparity [h, w] has a step of more than `step`, and of more than
+    slopes explain.
 
     Holes (0) count as infinitely far. found [h, ceil(w / SPAN)]: whether a span of a row has any marks.
     """
@@ -49,7 +52,7 @@ def mark_steps(disparity: F32, step: float, marks: U8, found: U8) -> None:
             _mark_row(above, q, disparity[y + 1], after, least, down, out)
         if w > 3:
             _mark_row(q[:-3], q[1:-2], q[2:-1], q[3:], least, right, out[1:-2])
-        for column in (0, w - 2):  # beside the borders
+        for column in (0, w - 2):  # next to the borders
             x = int(column)
             if 0 <= x < w - 1 and (x == 0 or w > 2):
                 before, beyond = q[max(x - 1, 0) :], q[min(x + 2, w - 1) :]
@@ -63,7 +66,7 @@ def mark_steps(disparity: F32, step: float, marks: U8, found: U8) -> None:
 
 @inlined
 def _cut_off(k: int, length: int, end: int) -> float:
-    """Area that the line from half a pixel aside at a run's end to its middle cuts off the k-th pixel from there."""
+    """Area that the line, from half a pixel away at a run's end to its middle, cuts off the k-th pixel from the end."""
     if end == 0:
         return 0.0
     half = 0.5 * length
@@ -73,7 +76,8 @@ def _cut_off(k: int, length: int, end: int) -> float:
 
 @inlined
 def _turn(before: int, after: int) -> int:
-    """Where a silhouette goes at a run's end: -1 to the side of the first pixels, 1 to the other, 0 neither or both."""
+    """The turn of a silhouette at a run's end: -1 to the side of the first line, 1 to the other, 0 to neither or both.
+    """
     return (1 if after else 0) - (1 if before else 0)
 
 
@@ -89,11 +93,11 @@ def _blend_run(
 ) -> None:
     """Blend across a run of the silhouette between a line of pixels (a row; a column, if upright) and the next one.
 
-    first, last: where it turns at its ends.
+    first, last: its turns (`_turn`) at both ends.
     """
     for k in range(length):
         ahead, behind = _cut_off(k, length, first), _cut_off(length - 1 - k, length, last)
-        # Where the outline bends to the first line's side, that takes from the second, and the other way round.
+        # If the outline bends to the first line's side, the first line takes colour from the second, and vice versa.
         near = (ahead if first < 0 else 0.0) + (behind if last < 0 else 0.0)
         far = (ahead if first > 0 else 0.0) + (behind if last > 0 else 0.0)
         for share, a, b in ((near, line, line + 1), (far, line + 1, line)):
@@ -101,7 +105,7 @@ def _blend_run(
                 continue
             y, x, other_y, other_x = (start + k, a, start + k, b) if upright else (a, start + k, b, start + k)
             _mix(sources[0], outs[0], y, x, other_y, other_x, share)
-            if (a ^ b) >> 1:  # a sample of chroma is four pixels, of which this is one
+            if (a ^ b) >> 1:  # a sample of chroma covers four pixels, of which this is one
                 for c in range(1, 3):
                     _mix(sources[c], outs[c], y >> 1, x >> 1, other_y >> 1, other_x >> 1, 0.25 * share)
 
@@ -110,7 +114,7 @@ def _blend_run(
 def blend_steps(marks: U8, found: U8, sources: Planes, outs: Planes) -> None:
     """Blend the planes of a 4:2:0 picture, `outs`, which hold copies of `sources`, along marked silhouettes.
 
-    marks [h, w] and found are what `mark_steps` gives; planes are luma [h, w] and both chroma [(h+1)//2, (w+1)//2].
+    marks [h, w] and found: from `mark_steps`; planes are luma [h, w] and both chroma [(h+1)//2, (w+1)//2].
     """
     h, w = marks.shape
     for y in range(h):
@@ -119,7 +123,7 @@ def blend_steps(marks: U8, found: U8, sources: Planes, outs: Planes) -> None:
                 continue
             for x in range(j * SPAN, min((j + 1) * SPAN, w)):
                 mark = marks[y, x]
-                # A run is met at its end: where the next pixel along it has none.
+                # A run is processed at its end: where the next pixel along it has no mark.
                 if mark & DOWN and (x == w - 1 or not marks[y, x + 1] & DOWN):
                     start = x
                     while start > 0 and marks[y, start - 1] & DOWN:

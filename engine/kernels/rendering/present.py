@@ -11,21 +11,22 @@ from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE
 
 __all__ = ["present_depth"]
 
-# Each step takes the depth that the view measured where it sees the last guess. It converges in one or two where the
-# view stands near the eye, and wanders where the ray passes beside what the view sees.
+# Each step takes the depth that the view measured at the image of the last guess. This converges in one or two steps if
+# the view is near the eye, and does not converge if the ray passes by the surface.
 _STEPS = 4
-# Share of what views agree by within which a guess and what the view measured there are a crossing: about half a pixel
-# of parallax. With all of it, one in 13 of such pixels shows a surface that its ray passes by.
+# A guess is a crossing if it differs from the depth that the view measured there by less than this share of the views'
+# tolerance: about half a pixel of parallax. With the full tolerance, one in 13 of such pixels would show a surface that
+# its ray passes by.
 _CROSSES = 0.125
 
 
 @inlined
 def present_depth(row: F64, codes: int, camera: F64, x: int, y: int, depth: float) -> float:
-    """The depth at which a view's surface crosses a pixel's ray, searched from a first guess on; 0 where none is found.
+    """The depth at which a view's surface crosses a pixel's ray, searched from the guess `depth` on; 0: none is found.
 
-    A crossing counts where the four texels round its image are one surface and the view measured that very depth.
-    `row` and `codes` are a view as `kernels.base.view_table` reads it; `camera` is
-    the packed virtual camera, depths are its own, metres.
+    A crossing counts if the four texels round its image are one surface, and the view measured the same depth there.
+    `row` and `codes`: the view, see `kernels.base.view_table`; `camera`: the packed virtual camera; depths are along
+    its rays, metres.
     """
     width, height = int(row[WIDTH]), int(row[HEIGHT])
     for _ in range(_STEPS):

@@ -1,11 +1,11 @@
 """Triangle rasteriser: meshes into a disparity z-buffer (3D warping, paper section 3.4.2).
 
-The target holds disparity (1 / depth as the target camera measures depth, 0 where nothing was drawn) and the
-number of the view that won. Meshes are drawn in the order of their views' worth: a later one wins a pixel only
-where it is nearer by more than a margin, so that views of one surface do not fight for it.
+The target holds disparity (1 / depth, as the target camera measures depth; 0 where nothing was drawn) and the number of
+the view that won. Meshes are drawn in the order of their views' usefulness. A later mesh wins a pixel only where it is
+nearer by more than a margin, so that the pixels of a surface do not alternate between views.
 
-The screen is cut into bands of rows. Triangles are sorted into bands (`sorting`, `spherical`), and the bands are drawn
-in parallel, each by one thread.
+The screen is divided into bands of rows. Triangles are sorted into bands (`sorting`, `spherical`), and the bands are
+drawn in parallel, each by one thread.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ __all__ = ["draw_bands", "draw_bands_serially"]
 
 @serial
 def _clip(screen: F32, corners: I32, camera: F64, near: float, polygon: F32) -> int:
-    """Clip a triangle at the plane `near` in front of the eye; returns how many corners of polygon [4, 4], as `screen`
-    has points, are left. Triangles with a side in common get the same corners there."""
+    """Clip a triangle at the plane `near` in front of the eye into polygon [4, 4] (points as in `screen`); returns the
+    number of its corners. Triangles with a common side get the same corners on it."""
     n = 0
     for k in range(3):
         i, j = corners[k], corners[(k + 1) % 3]
@@ -38,7 +38,7 @@ def _clip(screen: F32, corners: I32, camera: F64, near: float, polygon: F32) -> 
             front, back = (i, j) if screen[i, 3] >= near else (j, i)
             xf, xb = float(screen[front, 3]), float(screen[back, 3])
             t = (near - xf) / (xb - xf)
-            # Places times depths are affine in space, and so between the corners.
+            # Picture coordinates times depth are affine in space, so they are linear between the corners.
             uf, vf = (screen[front, 0] - camera[CX]) * xf, (screen[front, 1] - camera[CY]) * xf
             ub, vb = (screen[back, 0] - camera[CX]) * xb, (screen[back, 1] - camera[CY]) * xb
             polygon[n, 0] = camera[CX] + (uf + t * (ub - uf)) / near
@@ -52,7 +52,7 @@ def _clip(screen: F32, corners: I32, camera: F64, near: float, polygon: F32) -> 
 def _draw_clipped(
     screen: F32, triangle: I32, camera: F64, near: float, rows: Rows, view: int, margin: float, buffer: DepthBuffer
 ) -> None:
-    """Draw the one or two triangles that are left of one that crosses the plane of the eye."""
+    """Draw a triangle that crosses the plane of the eye: the one or two triangles that clipping leaves."""
     disparity, winner = buffer
     polygon, ready = np.empty((4, 4), np.float32), np.empty(SET_UP_SIZE, np.float32)
     fan, both = np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.array([0, 1], np.int32)
@@ -73,7 +73,7 @@ def _draw_listed(
     screen: F32, triangles: I32, listed: I32, camera: F64, near: float, rows: Rows, view: int, margin: float,
     buffer: DepthBuffer, ready: F32,
 ) -> None:  # fmt: skip
-    """Draw listed triangles into some rows; ready [SET_UP_SIZE] is room."""
+    """Draw listed triangles into the rows `rows`; ready [SET_UP_SIZE]: scratch memory."""
     disparity, winner = buffer
     h, w = disparity.shape
     count, second, numbers = listed.shape[0], winding(camera), listed.ctypes.data
@@ -95,10 +95,10 @@ def _draw_listed(
 def _draw_bands(
     screen: F32, triangles: I32, camera: F64, near: float, bands: Bands, view: int, margin: float, buffer: DepthBuffer
 ) -> None:
-    """Draw sorted triangles; `margin` is the disparity by which a drawn surface must be beaten."""
+    """Draw sorted triangles; `margin`: how much nearer than a drawn surface they must be to win, disparity (1/m)."""
     count, height = bands.counts.shape[1], buffer.disparity.shape[0]
     for task in numba.prange(count):
-        # Neighbouring tasks go to one thread: deal the bands out so that each gets some of every region.
+        # Neighbouring tasks go to one thread: the bands are interleaved so that each thread gets some of every region.
         half = (count + 1) // 2
         band = 2 * task if task < half else 2 * (task - half) + 1
         rows = (band * bands.rows, min((band + 1) * bands.rows, height) - 1)

@@ -1,4 +1,4 @@
-"""Records of arrays that kernels of this room take."""
+"""Records of arrays for the kernels of this room."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Rows = tuple[int, int]  # the first and the last of some rows of a picture
 
 
 class DepthBuffer(NamedTuple):
-    """What was drawn to a picture [h, w]: disparity, 1/m, 0 where nothing was, and the number of the view that won."""
+    """The drawn surfaces of a picture [h, w]: disparity, 1/m, 0: nothing; and the number of the view that won."""
 
     disparity: F32
     winner: U8
@@ -38,7 +38,7 @@ class VisibleBlocks(NamedTuple):
 
 
 class Regions(NamedTuple):
-    """Where triangles may matter. Behind the last tile and the last point three bytes more can be read."""
+    """Where triangles may have an effect. Three more bytes can be read behind the last tile and the last point."""
 
     tiles: U8  # [rows, columns] of a picture: only triangles that touch a marked one are drawn; empty: all
     open_tiles: U8  # where a surface may show between others (`tiles.mark_open_tiles`); empty: everywhere
@@ -46,8 +46,8 @@ class Regions(NamedTuple):
 
 
 class Bands(NamedTuple):
-    """Triangles sorted into bands of a picture's rows; one over several bands stands in each."""
+    """Triangles sorted into bands of a picture's rows; a triangle over several bands is in each of them."""
 
     rows: int  # of a band
-    counts: I64  # [chunks, bands]: how many there are
+    counts: I64  # [chunks, bands]: numbers of triangles
     lists: I32  # [chunks, bands, capacity]: their numbers

@@ -1,12 +1,12 @@
 """Shading: one colour for each pixel of a warped picture, fetched from the views that see its surface.
 
-A pixel's disparity gives a point; the point is projected into each view, and a view that measured the same depth
-there contributes its colour, interpolated over the texels that lie on that surface: bilinear, or cubic convolution
-(Keys 1981), which keeps the sharpness that blending takes away. The weight favours views that look from nearly the
-same direction (unstructured lumigraph, Buehler et al. 2001: angle), that resolve the surface at least as finely
-(distance), whose texel is not a mixture of two surfaces, and fades near a picture's border.
+A pixel's disparity gives a point, which is projected into each view. A view that measured the same depth there
+contributes its colour, interpolated over the texels of that surface: bilinear, or by cubic convolution (Keys 1981),
+which keeps the sharpness that blending would reduce. The weight is higher for views that look from nearly the same
+direction (angle: unstructured lumigraph, Buehler et al. 2001), that resolve the surface at least as finely (distance),
+and for texels that are not a mixture of two surfaces; it falls near a picture's border.
 
-Work goes by pairs of rows, and in these by `cells`.
+Pictures are processed by pairs of rows, and these by `cells`.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from .winner_colour import shade_by_winner
 __all__ = ["shade"]
 
 _CHUNKS = 64
-_PIXELS = 4  # vectors a part for a cell's pixels
-_ROOM = 7  # and for its pixels and sums
+_PIXELS = 4  # vectors per part for a cell's pixels
+_ROOM = 7  # vectors per part for a cell's pixels and sums
 
 
 @serial
 def _directions(camera: F64, width: int, across: F32) -> None:
-    """across [2, >= width]: what a column adds to the eye's directions (`_row_of_directions`)."""
+    """across [2, >= width]: the part of the eye's directions that depends on the column (`_row_of_directions`)."""
     for x in range(width):
         if camera[KIND] == PERSPECTIVE:
             across[0, x], across[1, x] = 1.0, (camera[CX] - (x + 0.5)) / camera[FX]
@@ -91,7 +91,7 @@ def _shade_pair(
 
 @inlined
 def _are_coloured(drawn: int, luma: int, x: int) -> bool:
-    """Whether none of sixteen pixels was drawn but not coloured (luma below 0)."""
+    """Whether all drawn ones of sixteen pixels are coloured (luma not below 0)."""
     return not any_of((load(drawn, x) > 0.0) & (load(luma, x) < 0.0))
 
 
@@ -99,7 +99,7 @@ def _are_coloured(drawn: int, luma: int, x: int) -> bool:
 def _ask_winners(
     views: Views, camera: F64, y: int, drawn: F32, winner: U8, luma: F32, chromas: F32
 ) -> None:
-    """What no view has coloured of a row takes the colour of the view that drew it."""
+    """Give the pixels of a row that no view has coloured the colour of the view that drew them."""
     w = drawn.shape[0]
     for start in range(0, w, LANES):
         if start + LANES <= w and _are_coloured(drawn.ctypes.data, luma.ctypes.data, start):
@@ -120,10 +120,10 @@ def _store_where(mask: Mask, address: int, x: int, values: Floats) -> None:
 
 @serial
 def _write_cell(drawn: int, luma: int, chroma_b: int, chroma_r: int, out: int, out_b: int, out_r: int, x: int) -> None:
-    """Write what is drawn of 32 pixels of a row; chroma_b and chroma_r are those of its blocks."""
+    """Write the drawn ones of 32 pixels of a row; chroma_b and chroma_r are of its blocks."""
     left, right = load(drawn, x) > 0.0, load(drawn, x + LANES) > 0.0
     b, r = load(chroma_b, x >> 1), load(chroma_r, x >> 1)
-    # Tones and cubic convolution overshoot.
+    # Clipped, as tones and cubic convolution overshoot.
     _store_where(left, out, x, minimum(maximum(load(luma, x), 0.0), np.float32(LARGEST)))
     _store_where(right, out, x + LANES, minimum(maximum(load(luma, x + LANES), 0.0), np.float32(LARGEST)))
     _store_where(left, out_b, x, zipped(b, b))
@@ -134,7 +134,7 @@ def _write_cell(drawn: int, luma: int, chroma_b: int, chroma_r: int, out: int, o
 
 @serial
 def _write_row(drawn: F32, luma: F32, chroma_b: F32, chroma_r: F32, out: F32, out_b: F32, out_r: F32) -> None:
-    """Write what is drawn of a row, within the codes."""
+    """Write the drawn pixels of a row, clipped to the range of codes."""
     w = drawn.shape[0]
     whole = w - w % CELL
     for x in range(0, whole, CELL):
@@ -148,7 +148,7 @@ def _write_row(drawn: F32, luma: F32, chroma_b: F32, chroma_r: F32, out: F32, ou
 
 
 class _Lenses(NamedTuple):
-    """What `cells.Sources` has, as arrays, which live on while they are used."""
+    """The arrays behind `cells.Sources`, which keeps only addresses: they must live as long as it is used."""
 
     lenses: F32  # [views, LENS_SIZE]
     addresses: I64  # [views or more, PLANE_COUNT]
@@ -160,7 +160,7 @@ class _Lenses(NamedTuple):
 def _shade_rows(
     first: int, last: int, buffer: DepthBuffer, camera: F64, across: F32, full: Views, lenses: _Lenses, planes: Planes
 ) -> None:
-    """Shade pairs of rows from the first to before the last."""
+    """Shade the pairs of rows `first` to `last` (excluded)."""
     n = lenses.lenses.shape[0]
     sources = Sources(lenses.lenses.ctypes.data, lenses.addresses.ctypes.data, n, lenses.blend, lenses.cubic)
     disparity, winner = buffer
@@ -197,14 +197,14 @@ def _shade_rows(
 def shade(
     buffer: DepthBuffer, camera: F64, full: Views, views: Views, n_views: int, blend: int, cubic: bool, planes: Planes
 ) -> None:
-    """Colour the planes where something was drawn; chroma is that of a block of 2 x 2 pixels.
+    """Colour the planes where something was drawn; a block of 2 x 2 pixels has one chroma.
 
-    `full` and `views` are the same views, at their full size and at that which suits the picture; where the latter have
-    no texel of a surface, the former are asked.
+    `full` and `views`: the same views, at full size and at a size that suits the picture. Where the latter have no
+    texel of a surface, the former are used.
 
-    The first n_views are the warped views in order of worth; further ones are backdrops, which colour only the pixels
-    that they won. At most `blend` agreeing views contribute to a pixel; with `cubic` they are interpolated by cubic
-    convolution where a surface is whole and its colours are rough.
+    The first n_views are the warped views, the most useful first; further ones are backdrops, which colour only the
+    pixels that they won. At most `blend` agreeing views contribute to a pixel; with `cubic` they are interpolated by
+    cubic convolution where a surface is whole and its colours are rough.
     """
     h, w = buffer.disparity.shape
     pairs, padded = (h + 1) // 2, (w + CELL - 1) // CELL * CELL
@@ -215,6 +215,6 @@ def shade(
     asked = _Lenses(lenses, views.addresses, blend, cubic)
     chunks = min(pairs, _CHUNKS)
     for chunk in numba.prange(chunks):
-        # Rows next to each other look at the same texels.
+        # Chunks of neighbouring rows, as they read the same texels.
         first, last = np.int64(chunk) * pairs // chunks, (np.int64(chunk) + 1) * pairs // chunks
         _shade_rows(first, last, buffer, camera, across, full, asked, planes)

@@ -1,4 +1,4 @@
-"""Triangles of a perspective picture sorted into bands of rows, sixteen looked at at once."""
+"""Sorting of a perspective picture's triangles into bands of rows, sixteen triangles at once."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .tiles import HOLE, SILHOUETTE, TILE
 
 __all__ = ["sort_into_bands", "sort_into_bands_serially", "winding"]
 
-# A triangle no larger than this hides nothing between its corners that they do not tell of.
+# For triangles up to this size, testing the three corners is enough.
 _SMALL_PX = 3.0
 _TILE_BITS = TILE.bit_length() - 1
 
@@ -43,7 +43,7 @@ def winding(camera: F64) -> int:
 
 @serial
 def _touch(tiles: int, columns: int, rows: int, box: Box, marks: Integers, among: Mask) -> Mask:
-    """Whether boxes touch a tile with one of some marks; tiles are uint8 [rows, columns] and three bytes more."""
+    """Whether boxes touch a tile with one of the marks; tiles: address of uint8 [rows, columns] and three bytes more."""
     left = to_integers(maximum(box[0] - 1.0, 0.0)) >> _TILE_BITS
     right = minimum(to_integers(maximum(box[1] + 1.0, 0.0)) >> _TILE_BITS, columns - 1)
     bottom = minimum(to_integers(maximum(box[3], 0.0)) >> _TILE_BITS, rows - 1)
@@ -62,7 +62,7 @@ def _touch(tiles: int, columns: int, rows: int, box: Box, marks: Integers, among
 def _may_win(
     points: Corners, nearer: int, tiles: int, columns: int, rows: int, box: Box, among: Mask
 ) -> Mask:
-    """Whether triangles may win a pixel: by a corner, beside a hole or, unless they are small, beside a silhouette."""
+    """Whether triangles may win a pixel: at a corner, near a hole or, unless they are small, near a silhouette."""
     marked = gather_bytes(nearer, points[0], among) | gather_bytes(nearer, points[1], among)
     marked |= gather_bytes(nearer, points[2], among)
     found = among & ((marked & 1) != 0)
@@ -76,7 +76,7 @@ def _look_at(
     screen: int, triangles: int, number: Integers, among: Mask, second: int, size: tuple[int, int], near: float,
     regions: Regions,
 ) -> tuple[Mask, Floats, Floats]:  # fmt: skip
-    """Of sixteen triangles: whether they are to be drawn, and the first and last row that they may touch."""
+    """For sixteen triangles: whether they are to be drawn, and the first and last row that they may touch."""
     (width, height), (tiles, open_tiles, nearer) = size, regions
     points = corners(triangles, number, second, among)
     xa, xb, xc = on_screen(screen, points, 3, among)
@@ -107,8 +107,8 @@ def _sort_into_bands(
 ) -> None:  # fmt: skip
     """Sort visible blocks' triangles into bands; chunk c counts its triangles in drawn[c].
 
-    Culled are triangles outside the picture or between pixels, behind the eye or seen from behind, those that touch no
-    marked tile, and, unless `regions.open_tiles` is empty, those that cannot win a pixel.
+    It culls triangles that are outside the picture or between pixels, behind the eye or seen from behind, that touch no
+    marked tile, and, unless `regions.open_tiles` is empty, that cannot win a pixel.
     """
     starts, visible, shares = blocks
     band_rows, counts, lists = bands

@@ -1,4 +1,4 @@
-"""Triangles on an equirectangular picture: sorted into bands and drawn one at a time, with directions for places."""
+"""Triangles on an equirectangular picture: sorted into bands and drawn one at a time, by the directions of pixels."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Directions", "azimuths", "draw_bands", "elevations", "sort_into_band
 
 Direction = tuple[float, float, float]
 
-_HALF_TURN = 3.0  # radians: less than pi, where sides could go either way round
+_HALF_TURN = 3.0  # radians: less than pi, where a side could go round either way
 
 
 @inlined
@@ -37,25 +37,25 @@ def _dot(p: Direction, r: Direction) -> float:
 
 @inlined
 def _normal(a: Direction, b: Direction, c: Direction) -> Direction:
-    """Of the plane of three corners; towards who sees them counterclockwise."""
+    """Normal of the plane of three corners, towards the viewer who sees them counterclockwise."""
     return _cross((b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]))
 
 
 @inlined
 def _turn(p: Direction, r: Direction) -> float:
-    """From one direction's azimuth to another's the shorter way round, -pi to pi."""
+    """The angle from one direction's azimuth to another's, the shorter way round: -pi to pi."""
     return math.atan2(p[0] * r[1] - p[1] * r[0], p[0] * r[0] + p[1] * r[1])
 
 
 @inlined
 def azimuths(a: Direction, b: Direction, c: Direction) -> tuple[float, float]:
-    """The least and the largest azimuth of a triangle on the sphere, not wrapped; more than half a turn apart where it
-    has a pole inside or cannot be told from one that has.
+    """The least and the largest azimuth of a triangle on the sphere, not wrapped. They are more than half a turn apart
+    if the triangle has a pole inside, or might have one within rounding.
 
     Sides are arcs of great circles, along which azimuths only rise or only fall.
     """
     ab, bc, ca = _turn(a, b), _turn(b, c), _turn(c, a)
-    if abs(ab + bc + ca) > math.pi:  # a whole turn: round a pole
+    if abs(ab + bc + ca) > math.pi:  # a whole turn, round a pole
         return -math.pi, math.pi
     first = math.atan2(a[1], a[0])
     return first + min(0.0, min(ab, ab + bc)), first + max(0.0, max(ab, ab + bc))
@@ -63,10 +63,11 @@ def azimuths(a: Direction, b: Direction, c: Direction) -> tuple[float, float]:
 
 @inlined
 def elevations(a: Direction, b: Direction, c: Direction, width: float) -> tuple[float, float]:
-    """Bounds of the elevations of a triangle on the sphere that is so wide in azimuth, see `azimuths`.
+    """Bounds of the elevations of a triangle on the sphere; `width`: its width in azimuth, see `azimuths`.
 
-    Along a great circle the tangent of the elevation is A cos(azimuth - that of its highest point). An arc that has
-    this point inside has it in the half of its higher end: the tangent there is no less than A cos(width / 2).
+    Along a great circle, the tangent of the elevation is A cos(azimuth - azimuth of the highest point). If an arc
+    contains the highest point, that is in the half towards the arc's higher end, where the tangent is not less than
+    A cos(width / 2).
     """
     ta = a[2] / math.hypot(a[0], a[1])
     tb = b[2] / math.hypot(b[0], b[1])
@@ -80,7 +81,7 @@ def elevations(a: Direction, b: Direction, c: Direction, width: float) -> tuple[
 
 @inlined
 def _rows(a: Direction, b: Direction, c: Direction, camera: F64) -> tuple[int, int]:
-    """First and last row that a triangle may touch, an empty range where it is seen from behind."""
+    """First and last row that a triangle may touch; an empty range if it is seen from behind."""
     if _dot(_normal(a, b, c), a) >= 0.0:
         return 1, 0
     left, right = azimuths(a, b, c)
@@ -92,7 +93,8 @@ def _rows(a: Direction, b: Direction, c: Direction, camera: F64) -> tuple[int, i
 
 @inlined
 def _side(p: Direction, r: Direction, camera: F64) -> tuple[float, float, float, float]:
-    """The plane through the eye and a side: directions whose product with it is no less than its last are inside."""
+    """The plane through the eye and a side: a direction is inside if its product with the first three numbers is not
+    less than the last one."""
     x, y, z = _cross(r, p)
     return x, y, z, -SIDE_PX * camera[RADIANS_A_ROW] * math.sqrt(x * x + y * y + z * z)
 
@@ -109,7 +111,7 @@ def _draw_triangle(
     a: Direction, b: Direction, c: Direction, camera: F64, directions: Directions, limits: Rows, view: int,
     margin: float, buffer: DepthBuffer,
 ) -> None:  # fmt: skip
-    """Draw some rows on the sphere: a pixel is inside where its direction is on the inner side of three planes."""
+    """Draw the rows `limits` of a triangle: a pixel is inside if its direction is on the inner side of three planes."""
     (columns, rows), (first, last), (disparity, winner) = directions, limits, buffer
     width = disparity.shape[1]
     top, bottom = _rows(a, b, c, camera)
@@ -119,7 +121,7 @@ def _draw_triangle(
     left, right = azimuths(a, b, c)
     if right - left > _HALF_TURN:
         x0, x1 = 0, width - 1
-    else:  # and a column each way, for sides that go along columns
+    else:  # one column more on each side, for sides along columns
         x0 = math.ceil((camera[PHI_MAX] - right) / camera[RADIANS_A_COLUMN] - 1.5)
         x1 = math.floor((camera[PHI_MAX] - left) / camera[RADIANS_A_COLUMN] + 0.5)
     period = round(2.0 * math.pi / camera[RADIANS_A_COLUMN])
@@ -147,7 +149,7 @@ def _draw_triangle(
 def sort_into_bands(
     screen: F32, triangles: I32, blocks: VisibleBlocks, camera: F64, bands: Bands, drawn: I64
 ) -> None:
-    """As `sorting.sort_into_bands`; culled are triangles outside the picture or seen from behind."""
+    """As `sorting.sort_into_bands`; it culls triangles that are outside the picture or seen from behind."""
     starts, visible, shares = blocks
     band_rows, counts, lists = bands
     for chunk in numba.prange(counts.shape[0]):

@@ -1,12 +1,12 @@
-"""Triangles drawn in strips sixteen pixels wide, a row at a time in vector registers.
+"""Drawing of triangles in strips of sixteen columns, one row of a strip at a time in vector registers.
 
-A pixel is inside a triangle where three functions of its place, the sides, are not negative; they and the disparity
-are sums of multiples of a pixel's column and row. No branch depends on the triangle's shape: a small one costs little
-more than its rows. Strips begin at every sixteenth column and are written whole: what the next triangle reads there is
-then at hand, which it is not while a write of a part is under way.
+A pixel is inside a triangle if three functions of its place, one per side, are not negative. These functions and the
+disparity are linear in a pixel's column and row. No branch depends on the triangle's shape, so a small triangle costs
+little more than its rows. Strips begin at every sixteenth column and are written whole, because the next triangle often
+reads the same strip: after a partial write it would have to wait for the memory.
 
-What drawing needs of triangles is computed for sixteen at once (`set_up`). Sums in float32 are wrong by 1e-4 pixels
-where a triangle is as large as the picture, and less in smaller ones.
+The coefficients of triangles are computed for sixteen triangles at once (`set_up`). Sums in float32 have errors of 1e-4
+pixels for a triangle as large as the picture, and less for smaller ones.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ __all__ = [
     "set_up",
 ]
 
-# Pixels by which a triangle's sides are moved outwards: rounding opens no cracks between neighbours.
+# A triangle's sides are moved outwards by this many pixels, so that rounding opens no cracks between neighbours.
 SIDE_PX = 1e-3
 CLIPPED = -1  # instead of a number of rows: the triangle crosses the plane of the eye
-# Of a triangle: its first pixel and how many columns and rows from there; the sides, each at that pixel and its change
-# a column and a row; the same of disparity, and its least and its largest.
+# Fields of a triangle: its first pixel, and the numbers of columns and rows from there; for each side, the value at that
+# pixel and its change per column and per row; the same for disparity, and its least and largest value.
 _COLUMN, _ROW, _COLUMNS, _ROWS, _SIDES, _PLANE, _FIELDS = 0, 1, 2, 3, 4, 13, 18
 SET_UP_SIZE = _FIELDS * LANES
 
@@ -68,8 +68,8 @@ Corners = tuple[Integers, Integers, Integers]
 
 @inlined_late
 def corners(triangles: int, number: Integers, second: int, among: Mask) -> Corners:
-    """Points of triangles of these numbers; int32 [n, 3] at that address. `second` is 2 where they wind the other way,
-    1 otherwise."""
+    """Points of the triangles with these numbers; `triangles`: address of int32 [n, 3]; `second`: 2 if triangles wind
+    the other way, else 1."""
     first = number * 3
     b, c = gather_integers(triangles, first + second, among), gather_integers(triangles, first + (3 - second), among)
     return gather_integers(triangles, first, among), b, c
@@ -77,14 +77,14 @@ def corners(triangles: int, number: Integers, second: int, among: Mask) -> Corne
 
 @inlined_late
 def on_screen(screen: int, points: Corners, field: int, among: Mask) -> tuple[Floats, Floats, Floats]:
-    """One of the four fields of triangles' points; screen float32 [n, 4] at that address."""
+    """One of the four fields of triangles' points; `screen`: address of float32 [n, 4]."""
     a, b, c = (points[0] << 2) + field, (points[1] << 2) + field, (points[2] << 2) + field
     return gather_floats(screen, a, among), gather_floats(screen, b, among), gather_floats(screen, c, among)
 
 
 @inlined_late
 def extent(a: Floats, b: Floats, c: Floats, size: int) -> tuple[Floats, Floats]:
-    """The first and the last pixel whose centre triangles may cover, along an axis of `size` pixels."""
+    """The first and the last pixel with a centre that triangles may cover, along an axis of `size` pixels."""
     low, high = minimum(a, minimum(b, c)), maximum(a, maximum(b, c))
     first = round_up(maximum(low, -1.0) - np.float32(0.5 + SIDE_PX))
     last = round_down(minimum(high, np.float32(size + 1)) - np.float32(0.5 - SIDE_PX))
@@ -103,7 +103,8 @@ def _absolute(x: Floats) -> Floats:
 
 @inlined_late
 def _put_side(out: int, side: int, rise: Floats, run: Floats, across: Floats, down: Floats) -> None:
-    """A side from a point that lies so far before the first pixel: rise * across - run * down, 0 or more inside."""
+    """Write a side through a point that is `across` and `down` before the first pixel: rise * across - run * down is 0
+    or more inside."""
     slack = np.float32(SIDE_PX) * (_absolute(rise) + _absolute(run))
     _put(out, _SIDES + 3 * side, rise * across - run * down + slack)
     _put(out, _SIDES + 3 * side + 1, rise)
@@ -160,7 +161,7 @@ def set_up(
 
 @inlined_late
 def prepared(ready: int, lane: int) -> int:
-    """The address of one of the triangles that `set_up` prepared at another."""
+    """The address of triangle `lane` of those that `set_up` prepared at the address `ready`."""
     return ready + 4 * lane
 
 
@@ -171,7 +172,7 @@ def _get(triangle: int, field: int) -> float:
 
 @inlined_late
 def row_count(triangle: int) -> int:
-    """Rows of a `prepared` triangle; CLIPPED where it crosses the plane of the eye."""
+    """Number of rows of a `prepared` triangle; CLIPPED if it crosses the plane of the eye."""
     return int(_get(triangle, _ROWS))
 
 
@@ -180,8 +181,8 @@ def _draw_strip(
     disparity: int, winner: int, width: int, column: Floats, within: Mask, whole: bool, rows: int, triangle: int,
     margin: float, view: int,
 ) -> None:  # fmt: skip
-    """Draw rows of a strip from the addresses of its first pixel on, at these columns of the triangle where it is
-    `within` them; only a strip that is `whole` has sixteen."""
+    """Draw rows of a strip; disparity and winner: addresses of its first pixel; column: the columns relative to the
+    triangle's first one; within: which of them belong to the triangle; whole: the strip has all sixteen columns."""
     first_a = _get(triangle, _SIDES + 1) * column + _get(triangle, _SIDES)
     first_b = _get(triangle, _SIDES + 4) * column + _get(triangle, _SIDES + 3)
     first_c = _get(triangle, _SIDES + 7) * column + _get(triangle, _SIDES + 6)
@@ -189,7 +190,7 @@ def _draw_strip(
     down_a, down_b = spread(_get(triangle, _SIDES + 2)), spread(_get(triangle, _SIDES + 5))
     down_c, down_q = spread(_get(triangle, _SIDES + 8)), spread(_get(triangle, _PLANE + 2))
     least, most = spread(_get(triangle, _PLANE + 3)), spread(_get(triangle, _PLANE + 4))
-    y, start = spread(0.0), 0  # a vector: a number would be spread again for each product
+    y, start = spread(0.0), 0  # a vector, as a number would be spread again for each product
     for _ in range(rows):
         q = minimum(maximum(down_q * y + first_q, least), most)
         inside = within & (down_a * y + first_a >= 0.0) & (down_b * y + first_b >= 0.0) & (down_c * y + first_c >= 0.0)
@@ -210,8 +211,8 @@ def draw_triangle(
 ) -> None:
     """Draw a `prepared` triangle into a picture `width` columns wide.
 
-    disparity, winner: addresses of C-contiguous [h, w] arrays: of disparity (float32, 0 where nothing was drawn) and of
-    the number of the view that won (uint8). What was drawn must be beaten by `margin`.
+    disparity, winner: addresses of C-contiguous [h, w] arrays: disparity (float32, 0 where nothing was drawn) and the
+    number of the view that won (uint8). The triangle wins a pixel if it is nearer by `margin`.
     """
     x0, y, rows = int(_get(triangle, _COLUMN)), int(_get(triangle, _ROW)), row_count(triangle)
     columns = _get(triangle, _COLUMNS)

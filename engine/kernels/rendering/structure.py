@@ -1,12 +1,12 @@
 """Continuation of structure into holes: coherence transport (Bornemann and Maerz, J. Math. Imaging Vision 28, 2007).
 
-Hole pixels are coloured in layers from the rims of farther surfaces inwards. Each takes the weighted mean of that
-surface and of what is already coloured within a small disc, mostly of what lies along the direction in which the
-picture's structure runs; the direction is measured at the rim and handed on inwards. Nearer surfaces never
-contribute. A layer reads only the layers before it, so the result does not depend on any order within it.
+Hole pixels are coloured in layers, from the rims of farther surfaces inwards. Each pixel takes the weighted mean of the
+pixels in a small disc that belong to that surface or are coloured already; pixels along the direction of the picture's
+structure have most of the weight. The direction is measured at the rim and passed on inwards. Nearer surfaces never
+contribute. A layer reads only the layers before it, so the result does not depend on the order within a layer.
 
-depths float32 [n, 2] are disparities: of the farthest surface that may go on at a hole pixel, and of the nearest that
-may hide it.
+depths float32 [n, 2] are disparities for each hole pixel: of the farthest surface that may continue there, and of the
+nearest that may hide it.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ __all__ = [
 ]
 
 
-ANGLES = 32  # directions, over half a turn, that structure may run in
-LEVELS = 9  # of sureness that it does
-WINDOW = 3  # pixels each way within which the direction is measured at a rim
+ANGLES = 32  # number of directions of structure, over half a turn
+LEVELS = 9  # number of levels of its coherence
+WINDOW = 3  # the direction at a rim is measured within this many pixels on each side
 SAME = 1.06  # ratio of disparities up to which surfaces count as one
-MIXED = 1e-6  # weight, of 1, of a pixel whose colour may be mixed with that of what hid the hole
-_SWEEPS = 16  # at most, of both directions; two do for holes without many turns
+MIXED = 1e-6  # weight (others: 1) of a pixel whose colour may be mixed with that of the surface that hid the hole
+_SWEEPS = 16  # largest number of sweeps in both directions; two are enough for holes without many turns
 
 
 class Holes(NamedTuple):
-    """The pixels of a picture that nothing was drawn to, in a list."""
+    """The holes of a picture (pixels where nothing was drawn) in a list."""
 
     places: I32  # [n, 2]: their rows and columns in reading order
-    numbers: I32  # [h, w]: each one's number in that list; anything where something was drawn
-    rims: I32  # [m]: numbers of those that touch a pixel with something drawn to it
+    numbers: I32  # [h, w]: each hole's number in that list; undefined for drawn pixels
+    rims: I32  # [m]: numbers of the holes that touch a drawn pixel
 
 
 class Disc(NamedTuple):
-    """Where a hole pixel's colour comes from, and with which weight: see `disc_weights`."""
+    """The pixels, relative to a hole pixel, from which its colour is taken, and their weights: see `disc_weights`."""
 
     offsets: I32  # [n, 2]: rows and columns
     weights: F32  # [ANGLES * LEVELS, n]
@@ -59,8 +59,9 @@ class Disc(NamedTuple):
 def disc_weights(radius: float, sharpness: float) -> Disc:
     """Offsets of a disc, and their weights.
 
-    Row a * LEVELS + s of the weights: where structure runs at the angle a * pi / ANGLES, from right over down, as
-    surely as s / (LEVELS - 1). `sharpness`: 1 / pixels by which weights fall off across the direction.
+    radius: of the disc, pixels. Row a * LEVELS + s of the weights is for structure at the angle a * pi / ANGLES (from
+    right towards down) with the coherence s / (LEVELS - 1). `sharpness`: fall of the weights across the direction,
+    1 / pixels.
     """
     reach = math.floor(radius)
     rows, columns = np.mgrid[-reach : reach + 1, -reach : reach + 1]
@@ -70,7 +71,7 @@ def disc_weights(radius: float, sharpness: float) -> Disc:
     angles = np.arange(ANGLES)[:, None, None] * (math.pi / ANGLES)
     across = np.cos(angles) * rows - np.sin(angles) * columns
     sureness = (np.arange(LEVELS) / (LEVELS - 1))[:, None]
-    # A little of everything, so that there is always something to take.
+    # Every pixel gets a little weight, so that the sum is never 0.
     along = np.exp(-0.5 * (sharpness * across) ** 2) + 1e-4
     weights = (sureness * along + (1.0 - sureness)) / distance
     offsets = np.stack([rows, columns], axis=-1).astype(np.int32)
@@ -79,10 +80,10 @@ def disc_weights(radius: float, sharpness: float) -> Disc:
 
 @serial
 def spread_depths(disparity: F32, holes: Holes, rise: float, depths: F32) -> None:
-    """Write depths from the holes' rims: `rise` is how much disparity may differ between what goes on at a hole and
-    what hides it, for each pixel that they are apart.
+    """Write depths from the holes' rims. `rise`: the difference of disparity, per pixel of their distance, between the
+    surface that continues in a hole and the one that hides it.
 
-    The holes' own disparity becomes the negative of the farthest, or minus infinity where nothing nearer hides it.
+    The holes' own disparity becomes the negative of the farthest, or minus infinity if nothing nearer hides it.
     """
     places, index, rims = holes
     h, w = disparity.shape
@@ -119,7 +120,7 @@ def _sweep(disparity: F32, places: I32, index: I32, rise: float, forward: bool, 
                 if disparity[v, u] <= 0.0:
                     farthest = min(farthest, depths[index[v, u], 0] + rise)
                     nearest = max(nearest, depths[index[v, u], 1] - rise)
-        if 0 <= x + side < w and disparity[y, x + side] <= 0.0:  # the one just before it in the list
+        if 0 <= x + side < w and disparity[y, x + side] <= 0.0:  # it is the hole just before this one in the list
             farthest = min(farthest, depths[n + side, 0] + rise)
             nearest = max(nearest, depths[n + side, 1] - rise)
         changed |= farthest != depths[n, 0] or nearest != depths[n, 1]
@@ -129,13 +130,14 @@ def _sweep(disparity: F32, places: I32, index: I32, rise: float, forward: bool, 
 
 @inlined
 def _goes_on(disparity: F32, y: int, x: int, limit: float) -> bool:
-    """Whether a drawn pixel belongs to a surface that goes on where disparities up to `limit` do."""
+    """Whether a drawn pixel belongs to a surface that continues where surfaces with disparities up to `limit` do."""
     return 0.0 < disparity[y, x] <= limit
 
 
 @serial
 def _sort_into_layers(disparity: F32, holes: Holes, depths: F32, layers: int, layer: I32, order: I32) -> int:
-    """layer [h, w], all 0: from 1 on in holes up to the last one; order [n]: holes by layer. Returns how many."""
+    """layer [h, w], all 0 before: the layers of holes, 1 to `layers`; order [n]: the holes, sorted by layer. Returns
+    the number of holes in layers."""
     places, index, rims = holes
     h, w = disparity.shape
     start, count = 0, 0
@@ -154,7 +156,7 @@ def _sort_into_layers(disparity: F32, holes: Holes, depths: F32, layers: int, la
             y, x = int(places[order[m], 0]), int(places[order[m], 1])
             for v in range(max(y - 1, 0), min(y + 2, h)):
                 for u in range(max(x - 1, 0), min(x + 2, w)):
-                    # Every other layer grows straight only: squares become octagons.
+                    # Every other layer does not grow diagonally: squares become octagons.
                     straight = v == y or u == x
                     if disparity[v, u] <= 0.0 and layer[v, u] == 0 and (number % 2 == 0 or straight):
                         layer[v, u] = number
@@ -166,7 +168,7 @@ def _sort_into_layers(disparity: F32, holes: Holes, depths: F32, layers: int, la
 
 @serial
 def _measure(disparity: F32, luma: F32, y: int, x: int, limit: float, tensor: F32) -> None:
-    """tensor [3]: structure tensor (xx, xy, yy) of what goes on, round a pixel."""
+    """tensor [3]: structure tensor (xx, xy, yy), round a pixel, of the surfaces that continue."""
     h, w = disparity.shape
     for v in range(max(y - WINDOW, 0), min(y + WINDOW, h - 1)):
         for u in range(max(x - WINDOW, 0), min(x + WINDOW, w - 1)):
@@ -183,7 +185,7 @@ def _measure(disparity: F32, luma: F32, y: int, x: int, limit: float, tensor: F3
 
 @serial
 def _hand_on(disparity: F32, index: I32, layer: I32, y: int, x: int, number: int, tensors: F32, tensor: F32) -> None:
-    """tensor [3]: the mean of those of the neighbours in earlier layers."""
+    """tensor [3]: the mean of the tensors of neighbours in earlier layers."""
     h, w = disparity.shape
     count = 0
     for v in range(max(y - 1, 0), min(y + 2, h)):
@@ -221,9 +223,10 @@ def _at_a_hole(disparity: F32, y: int, x: int) -> bool:
 def _colour(
     disparity: F32, layer: I32, y: int, x: int, limit: float, hidden: bool, disc: Disc, row: int, planes: Planes
 ) -> None:
-    """Colour a hole pixel from what goes on within a disc round it, by a row of its weights.
+    """Colour a hole pixel from the surfaces that continue, within a disc round it, by a row of its weights.
 
-    limit: the disparity up to which surfaces go on there; hidden: by something nearer, whose colour the rim may have.
+    limit: largest disparity of surfaces that continue there; hidden: something nearer hid the pixel, and its colour may
+    be mixed into the rim.
     """
     offsets, weights = disc
     luma, chroma_b, chroma_r = planes
@@ -254,7 +257,7 @@ def _colour(
 def continue_structure(
     disparity: F32, holes: Holes, depths: F32, layers: int, disc: Disc, layer: I32, planes: Planes
 ) -> None:
-    """Colour the holes in the first `layers` layers; layer [h, w], given as all 0, then says which."""
+    """Colour the holes in the first `layers` layers; layer [h, w], all 0 before, is set to their layers."""
     places, index = holes.places, holes.numbers
     order = np.empty(places.shape[0], np.int32)
     tensors = np.zeros((places.shape[0], 3), np.float32)

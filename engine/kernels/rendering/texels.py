@@ -1,4 +1,4 @@
-"""Fetching texels of a view's pictures for sixteen pixels: single ones, pairs, and by cubic convolution.
+"""Fetching texels of a view's pictures for sixteen pixels: single texels, pairs, or by cubic convolution.
 
 Pictures are given by the addresses of their arrays, C-contiguous; texels are counted along their rows.
 """
@@ -41,14 +41,14 @@ __all__ = [
 
 @inlined_late
 def _halves_at(address: int, index: Integers, last: int, mask: Mask) -> Integers:
-    """Single uint16 of an array whose last index is given: not even a byte beyond it is read."""
+    """Single uint16 of an array; `last`: its last index, beyond which not even a byte is read."""
     start = minimum(index, last - 1)
     return (gather_halves(address, start, mask) >> ((index - start) << 4)) & 0xFFFF
 
 
 @inlined_late
 def bytes_at(address: int, index: Integers, last: int, mask: Mask) -> Integers:
-    """As `_halves_at`, of uint8: that at the index and the next ones as far as there are any."""
+    """As `_halves_at` for uint8: the byte at the index, and the next bytes as far as the array goes."""
     start = minimum(index, last - 3)
     return gather_bytes(address, start, mask) >> ((index - start) << 3)
 
@@ -57,7 +57,8 @@ def bytes_at(address: int, index: Integers, last: int, mask: Mask) -> Integers:
 def pairs_at(
     address: int, index: Integers, width: int, seam: Mask, crosses: bool, mask: Mask
 ) -> tuple[Integers, Integers]:
-    """uint16 texels and those to their right; across the seam where `index` is one left of a row's last two."""
+    """uint16 texels and their right neighbours; where `seam` is set, `index` is one left of a row's last texel, and the
+    pair is the last and the first texel of the row."""
     pair = gather_halves(address, index, mask)
     left, right = pair & 0xFFFF, pair >> 16
     if crosses:
@@ -68,23 +69,24 @@ def pairs_at(
 
 @inlined_late
 def _cubic_shares(f: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Of the samples at -1, 0, 1 and 2 for a place f in [0, 1): cubic convolution with a = -1/2."""
+    """Weights of the samples at -1, 0, 1 and 2 for a place f in [0, 1): cubic convolution with a = -1/2."""
     g = 1.0 - f
     return -0.5 * f * g * g, 1.0 + f * f * (1.5 * f - 2.5), 1.0 + g * g * (1.5 * g - 2.5), -0.5 * g * f * f
 
 
 @inlined_late
 def _pair_of_shares(a: Floats, b: Floats) -> Integers:
-    """Two shares as int16, in 2^-14."""
+    """Two shares as int16, in units of 2^-14."""
     return (to_integers(a * 16384.0) & 0xFFFF) | (to_integers(b * 16384.0) << 16)
 
 
 @serial
 def cubic_convolution(address: int, index: Integers, width: int, fx: Floats, fy: Floats, mask: Mask) -> Floats:
-    """Cubic convolution of a uint16 plane of colour codes between the sample `at` and those right of it and below.
+    """Cubic convolution of a uint16 plane of colour codes between the sample at `index` and those to its right and
+    below; fx, fy: the place between them, [0, 1).
 
-    Across in integers, exact to a twentieth of a code: the four samples of a row are two pairs, each in a lane of its
-    own, so that eight pixels fill a vector.
+    Rows are convolved in integers, exact to a twentieth of a code: the four samples of a row are two pairs, each in a
+    lane of its own, so that eight pixels fill a vector.
     """
     a, b, c, d = _cubic_shares(fx)
     left, right = _pair_of_shares(a, b), _pair_of_shares(c, d)
@@ -108,7 +110,7 @@ def is_cut(cuts: int, index: Integers, width: int, last: int, mask: Mask) -> Mas
 
 @inlined_late
 def chroma_nearest(lens: int, addresses: int, u: Floats, v: Floats, mask: Mask) -> tuple[Floats, Floats]:
-    """The chroma sample whose pixels (2x2 or one) hold (u, v): replicated up, as the reference renderers do."""
+    """The chroma sample of the pixel at (u, v), not interpolated, as in the reference renderers."""
     width, height, shift = (
         int(load_f32(lens, PICTURE_WIDTH)),
         int(load_f32(lens, PICTURE_HEIGHT)),
@@ -129,25 +131,25 @@ def chroma_nearest(lens: int, addresses: int, u: Floats, v: Floats, mask: Mask) 
 
 @inlined_late
 def _chroma_place(lens: int, u: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """Where (u, v) lies among the chroma samples, from the middle of the first one: column and row."""
+    """Column and row of (u, v) among the chroma samples, from the middle of the first one."""
     scale = np.float32(0.5) if load_f32(lens, SUBSAMPLED) > 0.0 else np.float32(1.0)
     return scale * u - 0.5, scale * v - 0.5
 
 
 @inlined_late
 def is_inside_chroma(lens: int, u: Floats, v: Floats) -> Mask:
-    """Whether the picture has all four by four chroma samples round (u, v), as `chroma_between` needs; not if NaN."""
+    """Whether the picture has all 4 x 4 chroma samples round (u, v) that `chroma_between` needs; False for NaN."""
     shift = 1 if load_f32(lens, SUBSAMPLED) > 0.0 else 0
     columns = (int(load_f32(lens, PICTURE_WIDTH)) + shift) >> shift
     rows = (int(load_f32(lens, PICTURE_HEIGHT)) + shift) >> shift
     x, y = _chroma_place(lens, u, v)
-    # One sample before the place, and two behind it.
+    # They begin one sample before the place and end two behind it.
     return (x >= 1.0) & (y >= 1.0) & (x < np.float32(columns - 2)) & (y < np.float32(rows - 2))
 
 
 @inlined_late
 def chroma_between(lens: int, addresses: int, u: Floats, v: Floats, mask: Mask) -> tuple[Floats, Floats]:
-    """Chroma at (u, v) by cubic convolution, where the mask is true: only where `is_inside_chroma` is."""
+    """Chroma at (u, v) by cubic convolution where the mask is true; `is_inside_chroma` must be true there."""
     shift = 1 if load_f32(lens, SUBSAMPLED) > 0.0 else 0
     pitch = (int(load_f32(lens, PICTURE_WIDTH)) + shift) >> shift
     x, y = _chroma_place(lens, select(mask, u, 0.0), select(mask, v, 0.0))

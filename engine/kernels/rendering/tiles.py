@@ -1,4 +1,4 @@
-"""Tiles of a picture: where it has holes and silhouettes, so that what goes only there is not looked for elsewhere."""
+"""Tiles of a picture that tell where it has holes and silhouettes, so that other kernels can skip the rest."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from ..base.jit import inlined, parallel, serial
 
 __all__ = ["HOLE", "SILHOUETTE", "TILE", "count_holes", "list_holes", "list_rims", "mark_open_tiles", "recount_holes"]
 
-TILE = 8  # pixels
+TILE = 8  # side, pixels
 SILHOUETTE, HOLE = 1, 2  # marks of tiles (`mark_open_tiles`)
 
 
 @serial
 def _by_tile(found: U8, tiles: U8) -> None:
-    """tiles [ceil(w / TILE)]: what was found in a tile's columns of found [w]."""
+    """tiles [ceil(w / TILE)]: all bits in a tile's columns of found [w]."""
     for i in range(tiles.shape[0]):
         marks = np.uint8(0)
         for x in range(TILE * i, min(TILE * (i + 1), found.shape[0])):
@@ -39,7 +39,7 @@ def _count_row(row: F32, counts: U8) -> None:
 
 @parallel
 def count_holes(disparity: F32, tiles: U8) -> None:
-    """tiles [ceil(h / TILE), ceil(w / TILE)]: how many pixels of a tile nothing was drawn to."""
+    """tiles [ceil(h / TILE), ceil(w / TILE)]: the number of holes in each tile."""
     h = disparity.shape[0]
     for row in numba.prange(tiles.shape[0]):
         j = int(np.int64(row))
@@ -50,7 +50,7 @@ def count_holes(disparity: F32, tiles: U8) -> None:
 
 @serial
 def recount_holes(disparity: F32, tiles: U8) -> None:
-    """As `count_holes`, where holes only became fewer since: tiles without any are not looked at."""
+    """As `count_holes`, if no holes were added since: tiles without any are skipped."""
     h, w = disparity.shape
     for j in range(tiles.shape[0]):
         for i in range(tiles.shape[1]):
@@ -64,8 +64,8 @@ def recount_holes(disparity: F32, tiles: U8) -> None:
 
 @serial
 def list_holes(disparity: F32, tiles: U8, places: I32, index: I32) -> None:
-    """Holes in reading order: places [n, 2] their rows and columns, index [h, w] each one's number, written there only.
-    tiles: what `count_holes` gives."""
+    """Lists holes in reading order: places [n, 2], their rows and columns; index [h, w], each hole's number, written
+    only in holes. tiles: from `count_holes`."""
     h, w = disparity.shape
     n = 0
     for y in range(h):
@@ -80,7 +80,7 @@ def list_holes(disparity: F32, tiles: U8, places: I32, index: I32) -> None:
 
 @inlined
 def _is_deep(tiles: U8, j: int, i: int) -> bool:
-    """Whether a tile and those round it are nothing but holes, as far as the picture goes."""
+    """Whether a tile and its neighbours in the picture consist of holes only."""
     if tiles[j, i] < TILE * TILE:
         return False
     for b in range(max(j - 1, 0), min(j + 2, tiles.shape[0])):
@@ -92,8 +92,8 @@ def _is_deep(tiles: U8, j: int, i: int) -> bool:
 
 @serial
 def list_rims(disparity: F32, tiles: U8, index: I32, rims: I32) -> int:
-    """rims [n]: numbers, in `index`, of the holes that touch a pixel with something drawn to it; returns how many.
-    tiles, index: of `count_holes` and `list_holes`."""
+    """rims [n]: numbers, in `index`, of the holes that touch a drawn pixel; returns their count. tiles, index: from
+    `count_holes` and `list_holes`."""
     h, w = disparity.shape
     count = 0
     for j in range(tiles.shape[0]):
@@ -130,10 +130,10 @@ def _mark_open_row(above: F32, row: F32, below: F32, step: float, found: U8) -> 
 
 @parallel
 def mark_open_tiles(disparity: F32, step: float, tiles: U8) -> None:
-    """tiles [ceil(h / TILE), ceil(w / TILE)]: HOLE where a tile has a pixel that nothing was drawn to, SILHOUETTE where
-    it has one of those, or both.
+    """tiles [ceil(h / TILE), ceil(w / TILE)]: HOLE if a tile has a pixel where nothing was drawn, SILHOUETTE if
+    disparities bend by more than `step` in it, or both.
 
-    There a triangle may show between surfaces though its corners lie behind them.
+    In such tiles a triangle may show between surfaces although its corners are behind them.
     """
     h, w = disparity.shape
     least = np.float32(step)

@@ -1,4 +1,4 @@
-"""The colour of a pixel that no view agrees on: that of the view that drew it."""
+"""The colour of a pixel on which no view agrees: the colour of the view that drew it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..base.view_table import CB, CODES, CR, EDGE, INVALID, OFFSET, STEP, SUBSAM
 
 __all__ = ["shade_by_winner"]
 
-_FARTHEST_PX = 1e15  # from a view's picture: what is farther is in no direction that has a place in it
+_FARTHEST_PX = 1e15  # a point farther from a view's picture has no meaningful place in it
 
 
 @inlined
@@ -66,7 +66,7 @@ def _colour_of_winner(
             kd = 1.0 if abs(cd - code) == best else 0.0
         inverse = 1.0 / (ka + kb + kc + kd)
         wa, wb, wc, wd = ka * inverse, kb * inverse, kc * inverse, kd * inverse
-        # Chroma from the middle of the texels taken.
+        # Chroma is taken at the middle of the chosen texels.
         u = x0 + 0.5 + wb + wd
         v = iy + 0.5 + wc + wd
     y_ = addresses[Y]
@@ -79,7 +79,7 @@ def _colour_of_winner(
 def shade_by_winner(
     views: Views, k: int, camera: F64, y: int, x: int, disparity: float
 ) -> tuple[float, float, float]:
-    """Colour of a pixel from view k, which drew it, whatever depth that measured there."""
+    """Colour of a pixel from view k, which drew it, regardless of the depth that the view measured there."""
     row = views.table[k]
     px, py, pz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / disparity)
     u, v, depth = project_point(row, px, py, pz)
