@@ -43,7 +43,7 @@ def winding(camera: F64) -> int:
 
 @serial
 def _touch(tiles: int, columns: int, rows: int, box: Box, marks: Integers, among: Mask) -> Mask:
-    """Whether boxes touch a tile with one of the marks; tiles: address of uint8 [rows, columns] and three bytes more."""
+    """Whether boxes touch a tile with one of the marks; tiles: address of uint8 [rows, columns] and 3 more bytes."""
     left = to_integers(maximum(box[0] - 1.0, 0.0)) >> _TILE_BITS
     right = minimum(to_integers(maximum(box[1] + 1.0, 0.0)) >> _TILE_BITS, columns - 1)
     bottom = minimum(to_integers(maximum(box[3], 0.0)) >> _TILE_BITS, rows - 1)

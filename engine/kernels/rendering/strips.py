@@ -58,8 +58,8 @@ __all__ = [
 # A triangle's sides are moved outwards by this many pixels, so that rounding opens no cracks between neighbours.
 SIDE_PX = 1e-3
 CLIPPED = -1  # instead of a number of rows: the triangle crosses the plane of the eye
-# Fields of a triangle: its first pixel, and the numbers of columns and rows from there; for each side, the value at that
-# pixel and its change per column and per row; the same for disparity, and its least and largest value.
+# Fields of a triangle: its first pixel, and the numbers of columns and rows from there; for each side, the value at
+# that pixel and its change per column and per row; the same for disparity, and its least and largest value.
 _COLUMN, _ROW, _COLUMNS, _ROWS, _SIDES, _PLANE, _FIELDS = 0, 1, 2, 3, 4, 13, 18
 SET_UP_SIZE = _FIELDS * LANES
 
@@ -118,8 +118,8 @@ def set_up(
 ) -> None:  # fmt: skip
     """Prepare up to sixteen triangles, the first `count` of the numbers (int32) at `listed`, for `draw_triangle`.
 
-    Addresses: screen [n, 4] as `blocks.place_points` has it; triangles int32 [m, 3], see `corners`; out float32
-    [SET_UP_SIZE]. Only these rows of a picture of a size (columns, rows) are drawn.
+    Addresses: screen [n, 4], see `blocks.place_points`; triangles int32 [m, 3], see `corners`; out float32
+    [SET_UP_SIZE]. Only the rows `rows` of a picture of a size (columns, rows) are drawn.
     """
     (first, last), (width, height) = rows, size
     among = lane_numbers() < np.float32(count)
@@ -131,7 +131,7 @@ def set_up(
     behind = minimum(xa, minimum(xb, xc)) < np.float32(near)
     rise_a, rise_b, rise_c = vb - va, vc - vb, va - vc
     run_a, run_b, run_c = ub - ua, uc - ub, ua - uc
-    area = run_c * rise_a - run_a * rise_c  # twice it; below 0 as the eye sees it
+    area = run_c * rise_a - run_a * rise_c  # twice the area; negative if the eye sees the front
     left, right = extent(ua, ub, uc, width)
     top, bottom = extent(va, vb, vc, height)
     top, bottom = maximum(top, np.float32(first)), minimum(bottom, np.float32(last))
@@ -151,7 +151,7 @@ def set_up(
     _put(out, _PLANE + 2, q_dv)
     _put(out, _PLANE + 3, minimum(qa, minimum(qb, qc)))
     _put(out, _PLANE + 4, maximum(qa, maximum(qb, qc)))
-    # From the farthest corner on: a difference of large disparities would lose most of its digits.
+    # Relative to the farthest corner: a difference of large disparities would lose most of its digits.
     farther = qb < qa
     ua, va, qa = select(farther, ub, ua), select(farther, vb, va), select(farther, qb, qa)
     farther = qc < qa

@@ -200,12 +200,12 @@ def _hand_on(disparity: F32, index: I32, layer: I32, y: int, x: int, number: int
 
 @inlined
 def _row_of_weights(tensor: F32) -> int:
-    """Which weights fit a structure tensor; those for no direction where it is of no numbers."""
+    """The row of weights for a structure tensor; the row without a direction if the tensor is NaN."""
     xx, xy, yy = tensor[0], tensor[1], tensor[2]
     coherence = math.sqrt((xx - yy) * (xx - yy) + 4.0 * xy * xy) / (xx + yy + 1e-6)
-    if not coherence <= 1.0:  # NaN fails the comparison; by rounding it may be a little more
+    if not coherence <= 1.0:  # NaN fails the comparison; rounding may give a little more than 1
         coherence = 1.0 if coherence > 1.0 else 0.0
-    angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi  # of least change
+    angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi  # the direction of least change
     turn = int(angle * (ANGLES / math.pi) + 0.5) % ANGLES if angle >= 0.0 else 0
     return turn * LEVELS + int(coherence * coherence * (LEVELS - 1) + 0.5)
 

@@ -27,10 +27,10 @@ def _chroma_at(row: F64, addresses: I64, x: int, y: int) -> tuple[float, float]:
 def _colour_of_winner(
     row: F64, addresses: I64, u: float, v: float, code: float
 ) -> tuple[float, float, float]:
-    """Colour of a view at (u, v), of those of the four texels round it that are of about that depth code, or else of
-    that which is nearest in depth: it drew the pixel."""
+    """Colour of a view at (u, v): of those of the four texels round it with about that depth code, or else of the texel
+    nearest in depth, which drew the pixel."""
     width, height = int(row[WIDTH]), int(row[HEIGHT])
-    if not (abs(u) < _FARTHEST_PX and abs(v) < _FARTHEST_PX):  # nowhere in particular: no number, or no integer
+    if not (abs(u) < _FARTHEST_PX and abs(v) < _FARTHEST_PX):  # NaN, or too large for an integer
         u, v = 0.0, 0.0
     y = min(max(v - 0.5, 0.0), height - 1.0)
     iy = min(int(y), max(height - 2, 0))
@@ -52,7 +52,7 @@ def _colour_of_winner(
     low, high = min(min(ca, cb), min(cc, cd)), max(max(ca, cb), max(cc, cd))
     invalid = row[INVALID] > 0.0
     if high - low > row[EDGE] or (low == 0 and invalid):
-        # An edge runs between the texels: take those of the wanted surface only.
+        # There is an edge between the texels: take only those of the wanted surface.
         limit = 0.5 * row[EDGE] + row[TOLERANCE]
         ka = wa if abs(ca - code) <= limit and not (invalid and ca == 0) else 0.0
         kb = wb if abs(cb - code) <= limit and not (invalid and cb == 0) else 0.0
