@@ -161,7 +161,7 @@ class Settings:
         These steps differ: n_render views are chosen by the overlap of fields of view (3.1 allows it, 4.1 took the
         nearest cameras); the filter of Fig. 6b casts its rays through the pixels of a camera, the corners of new
         triangles, not through their centres; a camera's marks stay while other cameras have their turns (3.3.3 does not
-        say); the backdrop hides what was drawn only where it is 3 % nearer; and the PBI is interpolated where it shows
+        say); the backdrop hides a drawn surface only where it is 3 % nearer; and the PBI is interpolated where it shows
         one plane, and has no rays where the selected views already cover the picture.
         """
         return cls(

@@ -2,8 +2,8 @@
 
 It starts from known methods: gain compensation by least squares over all overlaps with a prior to identity (Brown and
 Lowe, IJCV 74(1), 2007), gains and offsets for each channel (Xiong and Pulli, IEEE Trans. Consumer Electronics 56(4),
-2010), and iteratively reweighted least squares with Geman's and McClure's weights against what does not match. What is
-different here:
+2010), and iteratively reweighted least squares with Geman's and McClure's weights against samples that do not match.
+These are the differences here:
 
 - Views are compared where a pixel of one view, back-projected by its depth, is seen by the other view at the same depth
   and away from depth edges; it is not enough that pictures overlap.

@@ -1,6 +1,6 @@
 """Update of the P-PBS (section 3.3.3): a reference camera's turn.
 
-The paper merges new triangles with those of the P-PBS into a temporary P-PBS, culls that, and compacts what is left.
+The paper merges new triangles with those of the P-PBS into a temporary P-PBS, culls that, and compacts the rest.
 There is no temporary P-PBS here. A camera's part of the P-PBS is derived anew as a whole from its maximum depth image
 and the pixels that the triangle filter has accepted (KEPT), and inherits the marks of the triangles before. When
 culling removes triangles, their pixels lose KEPT in the camera's next turn. So slivers of successive frames merge, and

@@ -1,1 +1,1 @@
-"""The whole engine: back end once a frame, front end once a pose; and rendering of files."""
+"""The whole engine: the back end runs once per frame, the front end once per pose; and rendering to files."""

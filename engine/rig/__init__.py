@@ -1,1 +1,1 @@
-"""Cameras, depth codings, frames, the viewer's eyes, and which cameras serve a picture."""
+"""Cameras, depth codings, frames, the viewer's eyes, and the choice of cameras for a picture."""

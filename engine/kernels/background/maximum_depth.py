@@ -137,7 +137,7 @@ def update_maximum_depth(
             counts[band, tile] = count
 
 
-# Not `inlined`: in a parallel function Numba drops what is only written to arrays that are fields of a tuple.
+# Not `inlined`: in a parallel function Numba drops writes to arrays that are fields of a tuple and are never read.
 @inlined_late
 def _update_quad(
     pair: int, column: int, new: Picture, known: Picture, flags: U8, fused: U8, rules: Rules, tone: F64

@@ -213,7 +213,7 @@ def _write(hits: F64, captures: I64, coding: Coding, pair: int, column: int, pic
     picture.cb[pair, column], picture.cr[pair, column] = int(blue + 0.5), int(red + 0.5)
 
 
-# Not `inlined`: in a parallel function Numba drops what is only written to arrays that are fields of a tuple.
+# Not `inlined`: in a parallel function Numba drops writes to arrays that are fields of a tuple and are never read.
 @inlined_late
 def _leave_out(pair: int, column: int, picture: Picture) -> None:
     """Makes the 2x2 pixels holes."""

@@ -1,1 +1,1 @@
-"""Kernels that only measurements and ground truth need."""
+"""Kernels that are used only by measurements and for ground truth."""

@@ -26,7 +26,7 @@ __all__ = ["CELL", "FIELDS", "PARTS", "Sources", "colour_cell", "see_cell"]
 
 PARTS = 4
 CELL = 2 * LANES  # columns
-_SHARE, _LUMA, _U, _V, _MANNER, _CODE, _CLEAN, _MIXED = range(8)  # of what a view shows
+_SHARE, _LUMA, _U, _V, _MANNER, _CODE, _CLEAN, _MIXED = range(8)  # fields of a view's samples
 FIELDS = 8
 _APART_PX = 3.0  # largest distance of a block's pixels in a view at which they share chroma
 
