@@ -91,7 +91,7 @@ class ProgressiveUpdate:
         image = capture.image
         mesh = self._reconstruction.triangles(capture.camera, image.camera, image.codes, image.kept)
         surface = self._pbs.set_progressive(capture.number, capture.camera, mesh)
-        news = np.ones(len(mesh.triangles), bool)
+        is_new = np.ones(len(mesh.triangles), bool)
         if before is not None:
-            inherit_marks(surface.packed, numbers, before.marks, surface.marks, changed, BLOCK, news)
-        self._changed.add(surface, np.flatnonzero(news))
+            inherit_marks(surface.packed, numbers, before.marks, surface.marks, changed, BLOCK, is_new)
+        self._changed.add(surface, np.flatnonzero(is_new))

@@ -90,8 +90,8 @@ def flag_hidden(
         seen = np.zeros(len(surface.invalid), np.uint8)
         wraps = camera.wraps
         cells = np.zeros((math.ceil(camera.height / CELL), math.ceil(camera.width / CELL)), np.uint8)
-        for some in (eyes[::_FEW], eyes):  # a few eyes see most triangles, and their neighbours need no test then
-            report.rays += pbs.tracer.mark_seen(some, surface, present, delta, wraps, cells, seen)
+        for asked in (eyes[::_FEW], eyes):  # a few eyes see most triangles, and their neighbours need no test then
+            report.rays += pbs.tracer.mark_seen(asked, surface, present, delta, wraps, cells, seen)
             spread_seen(surface.mesh.uv, surface.mesh.triangles, seen, wraps, cells)
         found.append((surface, wraps, cells))
     with pbs.lock:

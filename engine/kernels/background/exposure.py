@@ -53,10 +53,10 @@ def _bilinear(plane: int, width: int, height: int, u: float, v: float) -> float:
     x, y = min(max(u - 0.5, 0.0), width - 1.0), min(max(v - 0.5, 0.0), height - 1.0)
     x0, y0 = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
     right, below = min(1, width - 1), width if height > 1 else 0
-    at = y0 * width + x0
-    top = load_u16(plane, at) + (x - x0) * (load_u16(plane, at + right) - load_u16(plane, at))
-    low: float = load_u16(plane, at + below)
-    low = low + (x - x0) * (load_u16(plane, at + below + right) - low)
+    index = y0 * width + x0
+    top = load_u16(plane, index) + (x - x0) * (load_u16(plane, index + right) - load_u16(plane, index))
+    low: float = load_u16(plane, index + below)
+    low = low + (x - x0) * (load_u16(plane, index + below + right) - low)
     return top + (y - y0) * (low - top)
 
 

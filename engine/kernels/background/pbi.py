@@ -176,23 +176,23 @@ def _complete(
     # Hits are given by their numbers in an array: views would be reference-counted, and threads would contend for that.
     (row, x), (h, w) = pixel, size
     rows, columns, rays = (h + 1) // 2, (w + 1) // 2, 0
-    own = row // 2 * columns + x // 2
-    right, below = own + 1, own + columns
+    centre = row // 2 * columns + x // 2
+    right, below = centre + 1, centre + columns
     inside = sparse and row // 2 + 1 < rows and x // 2 + 1 < columns
     for i in range(_HIT_SIZE):
-        hits[0, i] = grid[own, i]
-    flat_right = inside and _on_plane(tables, camera, grid, own, right, x + 2, row)
-    flat_below = inside and _on_plane(tables, camera, grid, own, below, x, row + 2)
+        hits[0, i] = grid[centre, i]
+    flat_right = inside and _on_plane(tables, camera, grid, centre, right, x + 2, row)
+    flat_below = inside and _on_plane(tables, camera, grid, centre, below, x, row + 2)
     if flat_right:
-        _mean(hits, 1, grid, own, right)
+        _mean(hits, 1, grid, centre, right)
     elif x + 1 < w:
         rays += _cast(tracer, camera, tables.surfaces, present, delta, x + 1, row, hits, 1)
     if flat_below:
-        _mean(hits, 2, grid, own, below)
+        _mean(hits, 2, grid, centre, below)
     elif row + 1 < h:
         rays += _cast(tracer, camera, tables.surfaces, present, delta, x, row + 1, hits, 2)
-    if flat_right and flat_below and _on_plane(tables, camera, grid, own, below + 1, x + 2, row + 2):
-        _mean(hits, 3, grid, own, below + 1)
+    if flat_right and flat_below and _on_plane(tables, camera, grid, centre, below + 1, x + 2, row + 2):
+        _mean(hits, 3, grid, centre, below + 1)
     elif x + 1 < w and row + 1 < h:
         rays += _cast(tracer, camera, tables.surfaces, present, delta, x + 1, row + 1, hits, 3)
     return rays
