@@ -1,4 +1,4 @@
-"""`farside bench all`: what is finished is kept, what depends on something else is measured anew, and the document."""
+"""`farside bench all`: finished results are kept, outdated ones are measured again, and the document is written."""
 
 from __future__ import annotations
 

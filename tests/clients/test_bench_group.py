@@ -1,4 +1,4 @@
-"""`farside bench`: measures as sub-commands, and as the flags that they had before."""
+"""`farside bench`: measures as sub-commands, and as the earlier flags."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_old_flags_stand_for_sub_commands(case: str) -> None:
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, tuple[Any, ...]]]:
-    """What the measures are asked for, instead of measuring."""
+    """The calls that reach the measures, which are recorded instead of measuring."""
     asked: list[tuple[str, tuple[Any, ...]]] = []
 
     def noting(name: str) -> Callable[..., None]:

@@ -1,4 +1,4 @@
-"""`farside bench --live`: real processes over localhost; its figures are there and fit together."""
+"""`farside bench --live`: real processes over localhost; all figures are present and consistent."""
 
 from __future__ import annotations
 

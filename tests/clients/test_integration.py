@@ -27,7 +27,7 @@ HANG_S = 540.0  # the first run compiles every kernel
 
 @pytest.fixture(scope="module")
 def sequence(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
-    """Atrium where it lies at hand, otherwise a small twin."""
+    """Atrium if the shared material is there, otherwise a small twin."""
     atrium = SHARED / "sequences" / "Atrium"
     if atrium.is_dir():
         return open_sequence(atrium)
@@ -49,7 +49,7 @@ def headset(rate: float, out: Path | None = None, **hello: str) -> Headset:
 
 
 async def compiled(url: str) -> None:
-    """Wait until a scout has seen the video go on: with no kernels at hand that takes minutes."""
+    """Wait until a first viewer has seen several frames: if kernels must be compiled, that takes minutes."""
     scout = headset(5.0)
     scout.seconds = HANG_S
     watching = asyncio.create_task(scout.run(url))
@@ -96,7 +96,7 @@ def test_a_live_run(sequence: Sequence, tmp_path: Path) -> None:
         assert viewer.frames == sorted(viewer.frames)  # never back in time
         assert len(viewer.frames) >= 2
     assert fast.sent > 2 * slow.sent
-    assert max(fast.frames) > min(fast.frames)  # the video went on while it was watched
+    assert max(fast.frames) > min(fast.frames)  # the video continued while it was watched
     assert status["frames"]["failed"] == 0
     assert status["event_loop"]["longest_stall_during_update_ms"] > 0
     assert {"update.background", "render.warp", "render.encode", "ingest"} <= set(status["stages_ms"])
@@ -117,7 +117,7 @@ def farside(*arguments: object, **environment: str) -> subprocess.CompletedProce
 
 
 def test_the_commands_play_together(sequence: Sequence, tmp_path: Path) -> None:
-    """replay, headset, export and their exit codes, as one types them."""
+    """replay, headset and export as typed commands, and their exit codes."""
     sources = ",".join(sequence.source_names[:2])
     with running(quality="fast") as url:
         early = farside("export", url, tmp_path / "early.glb")

@@ -1,4 +1,4 @@
-"""`farside render` and `farside bench --peers`: files, sizes, report keys, and what bad options say."""
+"""`farside render` and `farside bench --peers`: files, sizes, report keys, and errors for bad options."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ W, H, COUNT = 48, 32, 3
 
 @pytest.fixture(scope="module")
 def room(tmp_path_factory):
-    """A sequence of three source cameras, and two virtual ones, in which a box moves."""
+    """A sequence of three source cameras and two virtual ones, in which a box moves."""
     folder = tmp_path_factory.mktemp("room") / "Room"
     sources = camera_row(3, (W, H))
     virtual = [dataclasses.replace(sources[1], name=name) for name in ("viewport", "t0")]
@@ -53,7 +53,7 @@ def render(room, out, *options):
 
 
 def yuv_files(name, frames, w=W, h=H):
-    """A texture of 10 and a depth of 16 bits, both 4:2:0 in two bytes a sample."""
+    """File sizes of a texture of 10 bits and a depth of 16 bits, both 4:2:0 with two bytes for each sample."""
     size = frames * 2 * (w * h + 2 * ((w + 1) // 2) * ((h + 1) // 2))
     return {
         f"{name}_texture_{w}x{h}_yuv420p10le.yuv": size,

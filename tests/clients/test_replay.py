@@ -1,4 +1,4 @@
-"""What a replay delivers, through shared memory and without: the pixels of the files, frame by frame."""
+"""A replay delivers the pixels of the files, frame by frame, through shared memory and without it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def play(sequence: Sequence, **how: Any) -> Replay:
 def test_the_core_gets_what_is_in_the_files(
     sequence: Sequence, frames: list[list[np.ndarray]], monkeypatch: pytest.MonkeyPatch, way: str
 ) -> None:
-    """Nine frames of three, to and fro; with more frames than buffers each is used several times."""
+    """Nine frames of a recording of three, to and fro: more frames than buffers, so that buffers are used again."""
     if way == "cannot be opened":  # a server in another container, behind the same address
 
         def fail(*given: object) -> None:

@@ -1,6 +1,6 @@
 """The image's install steps, run as they stand in the Dockerfile, in a fresh copy of the project.
 
-No Docker engine is needed: the steps are the README's, and want nothing of the image but Python.
+No Docker engine is needed: the steps are the README's, and use nothing of the image but Python.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ COMPOSE = (ROOT / "docker" / "compose.yaml").read_text()
 
 
 def steps(instruction: str) -> list[str]:
-    """The arguments of all such instructions, continued lines joined."""
+    """The arguments of all instructions of this kind, with continued lines joined."""
     text = re.sub(r"\\\n\s*", " ", DOCKERFILE)
     return re.findall(rf"^{instruction} (.*)$", text, re.MULTILINE)
 
@@ -58,7 +58,7 @@ def test_entry_point_runs(image: Path) -> None:
 
 
 def test_kernels_run_on_tbb_there(image: Path, tmp_path: Path) -> None:
-    """A parallel kernel works after the install: the threading layer came with it."""
+    """A parallel kernel works after the install, so the threading layer has been installed, too."""
     video = tmp_path / "a.yuv"
     video.write_bytes(bytes(range(96)))
     done = in_image(image, "compare", str(video), str(video), "--size", "8x8", "--format", "yuv420p")

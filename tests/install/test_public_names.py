@@ -1,4 +1,4 @@
-"""The library's front door: its names are what they say, and cost nothing before they are asked for."""
+"""The library's public names refer to the right objects, and importing them loads nothing before they are used."""
 
 from __future__ import annotations
 

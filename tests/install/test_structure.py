@@ -1,4 +1,4 @@
-"""The house stays in order: sizes of modules and functions, and no file that nobody uses."""
+"""The structure of the code: sizes of modules and functions, and no unused file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from support.checkout import ROOT
 MODULE_LINES, FUNCTION_LINES = 300, 50
 PACKAGES = ("engine", "server", "clients")
 ARCHITECTURE = ROOT / "engine" / "ARCHITECTURE.md"
-# Loaded by name: the command line's entry point and its commands, and what another program runs.
+# Loaded by name: the command line's entry point, its commands, and modules that another program runs.
 BY_NAME = re.compile(r"clients/(cli|__main__)\.py|clients/bench/\w+\.py")
 
 
@@ -25,7 +25,7 @@ def name_of(path: Path) -> str:
 
 
 def excused() -> set[str]:
-    """Modules and functions that ARCHITECTURE.md lets be longer: items like `engine/a/b.py` or `engine/a/b.py: f`."""
+    """Longer modules and functions that ARCHITECTURE.md allows: items like `engine/a/b.py` or `engine/a/b.py: f`."""
     section = ARCHITECTURE.read_text("utf-8").partition("## Longer than a screen")[2].partition("\n## ")[0]
     return set(re.findall(r"^- `([^`]+)`: \w", section, re.M))
 
@@ -45,7 +45,7 @@ def too_long() -> set[str]:
 
 
 def imported(path: Path) -> set[str]:
-    """Files of the project that a module may import, wherever in it."""
+    """Files of the project that a module imports anywhere in its code."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.ImportFrom):
@@ -59,7 +59,7 @@ def imported(path: Path) -> set[str]:
             found |= {base.with_suffix(".py"), *(base / f"{alias.name}.py" for alias in node.names)}
             found |= {base / alias.name / "__init__.py" for alias in node.names} | {base / "__init__.py"}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and "farside." in node.value:
-            # Lazy surfaces and other processes name modules in strings.
+            # Lazy public names and other processes name modules in strings.
             for dotted in re.findall(r"farside((?:\.\w+)+)", node.value):
                 found.add(ROOT.joinpath(*dotted.split(".")[1:]).with_suffix(".py"))
     return {name_of(file) for file in found if file.is_file()}

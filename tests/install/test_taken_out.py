@@ -1,6 +1,6 @@
-"""Each step of the paper taken out in turn: the test that ARCHITECTURE.md names for it, or one beside it, fails.
+"""Each step of the paper taken out in turn: the test that ARCHITECTURE.md names for it, or a related one, fails.
 
-The changes are made to a copy of the project. Left out unless asked for (-m long): kernels compile in the copy anew.
+The changes are made to a copy of the project. Run only with `-m long`, because kernels compile again in the copy.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from support.checkout import copy_checkout
 
-# File, what stands there, what stands there instead, and the test that notices.
+# File, original text, replacement, and the test that must fail.
 STEPS = [
     (
         "engine/rig/selection.py",

@@ -1,4 +1,4 @@
-"""The wheel, built once: it holds every module, and every module can be imported from it."""
+"""The wheel, built once, contains every module, and every module can be imported from it."""
 
 from __future__ import annotations
 

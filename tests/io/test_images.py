@@ -1,4 +1,4 @@
-"""JPEG there and back, raw planes, and PNG files."""
+"""JPEG encoding and decoding, raw planes, and PNG files."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_the_encoder_finds_the_border_repeated_where_it_reads_beyond_an_odd_pict
 
 @pytest.mark.parametrize(("h", "w"), [(48, 64), (47, 63)])
 def test_a_decoder_of_another_hand_sees_the_same_picture(h: int, w: int) -> None:
-    """Pillow decodes our JPEG to the RGB that BT.709 gives: matrix and range went into the planes."""
+    """Pillow decodes our JPEG to the RGB values of BT.709: matrix and range were converted in the planes."""
     texture = smooth_texture(h, w)
     decoded = np.asarray(Image.open(io.BytesIO(images.encode_jpeg(texture, 98))), np.int64)
     assert np.abs(decoded - to_rgb(texture)).max() <= 6

@@ -1,4 +1,4 @@
-"""The Recording protocol: its implementations, reading in order, and that nobody uses more than the protocol has."""
+"""The Recording protocol: its implementations, reading in order, and that nobody uses anything beyond the protocol."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_a_playhead_reads_in_order_where_it_can() -> None:
     frames = [playhead.frame(index) for index in asked]
     assert [f.index for f in frames] == asked
     assert all([view.camera.name for view in f.views] == ["v0", "v2"] for f in frames)
-    # Back and the same again are looked up; what follows is read in order, and only when it is asked for.
+    # Earlier frames and repetitions are looked up; following frames are read in order, and only when requested.
     assert recording.sought == [2, 1, 0, 0, 0]
     assert recording.played == [0, 1, 2, 1, 2, 2]
     for outside in (3, -1):
@@ -94,7 +94,7 @@ def test_a_playhead_reads_in_order_where_it_can() -> None:
 
 
 def test_offline_rendering_needs_no_more_than_the_protocol() -> None:
-    """The pictures are those of the same frames in a TMIV-like class; frames before the first are played in order."""
+    """The pictures equal those of a TMIV-like class with these frames; frames before the first are played in order."""
     recording = make_recording()
     settings = Settings.preset("fast", n_render=2)
     (row,) = OfflineRenderer(job(Bare(recording), 2, 3), settings).frames()

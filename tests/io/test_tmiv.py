@@ -1,4 +1,4 @@
-"""Sequences: reading real rigs, round trips through the writer, and what bad input says."""
+"""Sequences: reading real rigs, round trips through the writer, and errors for bad input."""
 
 from __future__ import annotations
 

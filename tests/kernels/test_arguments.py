@@ -7,7 +7,7 @@ from pathlib import Path
 
 KERNELS = Path(__file__).resolve().parents[2] / "engine" / "kernels"
 MOST = 10
-# Those that may, and why. No more than ten.
+# Kernels that may take more, with the reason. At most ten.
 ALLOWED = {
     "background/intersect_llvm.intersect1": "Embree's function, and a ray's numbers",
     "background/intersect_numpy.intersect1": "the same",
@@ -15,7 +15,7 @@ ALLOWED = {
 
 
 def arguments_of_kernels() -> dict[str, int]:
-    """How many arguments each function of the kernels takes, decorated or given to a decorator by name."""
+    """Number of arguments of each kernel, whether it is decorated or passed to a decorator by name."""
     found = {}
     for path in sorted(KERNELS.rglob("*.py")):
         name = str(path.relative_to(KERNELS))[: -len(".py")]

@@ -1,7 +1,7 @@
 """Nothing is read or written beyond an array: random pictures, rigs and heads under guarded memory (`guarded`).
 
-A fault kills the process, so cases run in a child (`guard_cases`), which is named the case before each; the test that
-asked for it tells which one it was and where it happened. FARSIDE_GUARD_CASES multiplies how many there are.
+A fault kills the process, so cases run in a child process (`guard_cases`), which is told each case first; the test that
+requested it reports which case failed and where. FARSIDE_GUARD_CASES multiplies the number of cases.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ TIMES = int(os.environ.get("FARSIDE_GUARD_CASES", "1"))
 
 
 class DiedError(AssertionError):
-    """The child is gone: which case it was at, and what it said."""
+    """The child process has died: which case it ran, and its error output."""
 
 
 class Child:
-    """A process that runs cases, started again when it has died."""
+    """A process that runs cases; it is restarted after it has died."""
 
     def __init__(self) -> None:
         self.called: dict[str, set[str]] = {}  # kernels, by case
@@ -45,7 +45,7 @@ class Child:
         self._said = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed by `close`)
 
     def run(self, case: str, seed: int, flush: str, **options: object) -> dict[str, float]:
-        """A case's counts; raises DiedError where it brings the child down."""
+        """A case's counts; raises DiedError if it kills the child."""
         asked = {"case": case, "seed": seed, "flush": flush, **options}
         process = self._process or self._start()
         assert process.stdin is not None
@@ -64,7 +64,7 @@ class Child:
     def _start(self) -> subprocess.Popen[str]:
         self._said.seek(0)
         self._said.truncate()
-        # What is allocated afresh is full of nonsense: who reads it before it was written goes astray.
+        # New memory is filled with nonsense, so that reading it before it is written has visible effects.
         environment = {**os.environ, "MALLOC_PERTURB_": "165", "PYTHONPATH": str(TESTS)}
         self._process = subprocess.Popen(
             [sys.executable, "-m", "support.guard_cases"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
@@ -148,7 +148,7 @@ def test_an_element_beyond_kills_and_is_reported(child, flush):
     assert "Fatal Python error: Segmentation fault" in said or "Bus error" in said
     assert "guard_cases.py" in said
     assert "in beyond" in said
-    assert child.run("pictures", 0, flush)["bytes"] > 0  # there is a new one
+    assert child.run("pictures", 0, flush)["bytes"] > 0  # a new child runs
 
 
 def test_a_case_that_hangs_is_reported(child):
@@ -159,7 +159,7 @@ def test_a_case_that_hangs_is_reported(child):
 
 
 def sweep(child: Child, case: str, seeds: int) -> Counter[str]:
-    """The sums of a case's counts over seeds, with either end of arrays at a guard page; both must come to the same."""
+    """The sums of a case's counts over seeds, which must be the same with either end of arrays at a guard page."""
     sums: dict[str, Counter[str]] = {}
     for flush in FLUSHES:
         sums[flush] = Counter()
@@ -225,7 +225,7 @@ def test_triangles_beyond_all_integers_are_drawn_to_an_end(child):
         assert child.run("far_triangles", seed, "end", hangs_s=60.0)["drawn"] >= 0
 
 
-# Files of kernels that use addresses, and the cases that run them. Who adds one adds a case, or says which has it.
+# Kernel files that use addresses, and the cases that run them. A new file needs a new case or an entry here.
 COVERED = {
     "background/captures": ("pipeline",),
     "background/culling": ("pipeline",),
@@ -244,7 +244,7 @@ COVERED = {
     "rendering/shade": ("shading", "pipeline"),
     "rendering/sorting": ("shading", "pipeline"),
 }
-# What only kernels of these files call.
+# Files whose functions are called only by kernels of these files.
 INSIDE = {
     "background/intersect": ("background/culling", "background/rays", "background/standing"),
     "background/rays": (
@@ -268,17 +268,17 @@ INSIDE = {
     "rendering/texels": ("rendering/look",),
     "rendering/winner_colour": ("rendering/shade",),
 }
-# Rays in numbers: in no picture, and they read nothing but what other rays do. What Embree calls, not the engine: in
-# every case that casts rays. And what runs where nothing is compiled.
+# A measure by rays, which read only memory that other rays read, too; callbacks, which Embree calls instead of the
+# engine, in every case that casts rays; and modules for uncompiled runs.
 ASIDE = {"evaluation/leaks", "background/embree_callbacks", "background/intersect_numpy", "base/live_arrays"}
-MEMORY = {"intersect", "lanes", "memory"}  # what reads and writes at addresses
-# What takes addresses from others.
+MEMORY = {"intersect", "lanes", "memory"}  # modules that read and write at addresses
+# Modules that take addresses from others.
 THROUGH = {"cells", "lens", "look", "present", "rays", "sight", "strips", "standing", "texels", "winner_colour"}
 
 
 @functools.cache
 def imports_of(name: str) -> dict[str, set[str]]:
-    """What a file of kernels takes from which other one (its last name), besides constants."""
+    """Names, without constants, that a kernel file imports, by the last name of the module."""
     found: dict[str, set[str]] = {}
     for node in ast.walk(ast.parse((KERNELS / f"{name}.py").read_text())):
         if isinstance(node, ast.ImportFrom) and node.level:
@@ -292,7 +292,7 @@ def imports_of(name: str) -> dict[str, set[str]]:
 
 @functools.cache
 def users_of_addresses() -> frozenset[str]:
-    """Files of kernels that take an array's address, or functions from the memory layer or from who does."""
+    """Kernel files that take an array's address, or import functions from the memory layer or from such files."""
     names = {str(path.relative_to(KERNELS))[:-3] for path in KERNELS.rglob("*.py") if path.stem != "__init__"}
     taken = {name for name in names if re.search(r"\.ctypes\b|\bcarray\b", (KERNELS / f"{name}.py").read_text())}
     users = {name for name in names if set(imports_of(name)) & (MEMORY | THROUGH)}
@@ -310,7 +310,7 @@ def test_every_file_of_kernels_that_takes_addresses_has_a_case():
 
 
 def test_cases_call_every_kernel_of_the_engine(child):
-    """Of all that the engine's modules can call; runs last, over what the others have called."""
+    """Every kernel that the engine's modules can call; runs last and counts the calls of the other tests."""
     if not {"shading", "triangulating", "pictures", "pipeline", "uncovering"} <= set(child.called):
         pytest.skip("only where all cases have run")
     for name, cases in COVERED.items():

@@ -33,7 +33,7 @@ from oracle.zbuffer import zbuffer
 
 quick = settings(max_examples=40, deadline=None, derandomize=True)
 few = settings(max_examples=12, deadline=None, derandomize=True)
-ROUNDED = 2.0**-24  # share by which a number is off in single precision
+ROUNDED = 2.0**-24  # relative rounding error of single precision
 
 
 def numbers(low, high):
@@ -42,7 +42,7 @@ def numbers(low, high):
 
 @st.composite
 def projections(draw, size=4096, spheres=True):
-    """From telescopes to nearly half a turn, mirrored and off centre too; and spheres, parts or whole."""
+    """Telescopes to almost 180 degrees, sometimes mirrored or off centre; whole and partial spheres."""
     w, h = draw(st.integers(4, size)), draw(st.integers(4, size))
     if spheres and draw(st.booleans()):
         wide, high = draw(numbers(0.01, 2 * math.pi)), draw(numbers(0.01, math.pi))
@@ -65,7 +65,7 @@ def test_projection_both_ways_is_the_slow_twins(projection, orientation, place, 
     u, v, depth = s * projection.width, t * projection.height, scale * depth
     expected = slow.unproject(camera, u, v, depth)
     length = float(np.linalg.norm(expected - place)) + depth
-    # Places in the world are rounded; a kernel's sines are within 1e-11, its angles within 4e-8.
+    # World positions are rounded; a kernel's sines are exact to 1e-11, its angles to 4e-8.
     world = 4 * float(np.spacing(max(map(abs, (*place, *expected)))))
     origin = np.asarray(place) + scale * np.array([0.5, -0.2, 1.0])
     packed = camera.packed(origin)
@@ -85,7 +85,7 @@ def test_projection_both_ways_is_the_slow_twins(projection, orientation, place, 
         turn = projection.width * 2 * math.pi / np.ptp(getattr(projection, "hor_range", (0.0, 1.0)))
         du = found[0] - u
         if isinstance(projection, Equirectangular):
-            du = math.remainder(du, turn)  # a turn farther is the same
+            du = math.remainder(du, turn)  # a full turn makes no difference
         assert abs(du) <= min(pixel, turn)
         assert abs(found[1] - v) <= pixel
         assert abs(found[2] - depth) <= 2 * world + 4e-11 * length
@@ -108,7 +108,7 @@ def test_codes_and_depths_are_the_slow_twins(near, ratio, bits, has_invalid, num
 
 
 def meshes(seed, count, size, scale):
-    """Triangles within a ball of radius 4 round the origin, both windings, with some that are slivers."""
+    """Triangles within a ball of radius 4 around the origin, with both windings, some of them slivers."""
     rng = np.random.default_rng(seed)
     middles = rng.uniform(-2.5, 2.5, (count, 1, 3))
     corners = middles + size * rng.standard_normal((count, 3, 3)) * np.where(rng.random((count, 1, 1)) < 0.2, 1e-3, 1)
@@ -119,7 +119,7 @@ def meshes(seed, count, size, scale):
 @few
 @given(projections(24), turns, st.integers(0, 99), scales, numbers(0.1, 1.5))
 def test_farthest_hits_are_the_slow_twins(projection, orientation, seed, scale, size):
-    """Where the oracle's rays a little beside meet the same triangle: float32 may miss it elsewhere."""
+    """Compared where the oracle's slightly shifted rays hit the same triangle: elsewhere float32 may miss it."""
     mesh = meshes(seed, 40, size, scale)
     camera = Camera("c", projection, Pose((0.3 * scale, 0.2 * scale, -0.1 * scale), orientation), DepthCoding(0.1, 9))
     pbs = ProbableBackgroundSurface(1)
@@ -143,14 +143,14 @@ def test_farthest_hits_are_the_slow_twins(projection, orientation, seed, scale, 
         a, b, c = mesh.points[mesh.triangles[k]].astype(float)
         normal = np.cross(b - a, c - a)
         slant = np.linalg.norm(normal) / abs(normal @ along)
-        # Origin, direction and distance, each coordinate rounded, and Embree's own products.
+        # Rounding of each coordinate of origin, direction and distance, and of Embree's own products.
         assert abs(found[y, x] - expected) <= 16 * ROUNDED * 2 * extent * slant
 
 
 @few
 @given(projections(24), turns, st.integers(0, 99), scales, numbers(0.2, 1.0))
 def test_the_z_buffer_is_the_slow_twins(projection, orientation, seed, scale, size):
-    """Disparity and coverage where rays a few thousandths of a pixel beside meet the same triangle."""
+    """Disparity and coverage, compared where rays a few thousandths of a pixel away hit the same triangle."""
     mesh = meshes(seed, 40, size, scale)
     camera = Camera("c", projection, Pose((0.3 * scale, 0.2 * scale, -0.1 * scale), orientation), DepthCoding(0.1, 9))
     near = 0.02 * scale
@@ -160,8 +160,8 @@ def test_the_z_buffer_is_the_slow_twins(projection, orientation, seed, scale, si
     sure = expected.sure_of_triangle
     np.testing.assert_array_equal((canvas.disparity > 0)[sure], (expected.triangle >= 0)[sure])
     same = sure & (expected.triangle >= 0)
-    # Corners are rounded to a share of the scene's size, which may be that much more of the depth; and so are a
-    # triangle's two slopes on the screen, each from four of them.
+    # Corners are rounded relative to the scene's size, which can be much more than the depth; and so are a
+    # triangle's two slopes on the screen, each computed from four of them.
     rounding = 8 * ROUNDED * float(np.ptp(mesh.points, axis=0).max()) / near
     np.testing.assert_allclose(canvas.disparity[same], expected.disparity[same], rtol=rounding)
 
@@ -208,7 +208,7 @@ def test_what_a_view_shows_is_the_slow_twins(projection, orientation, seed, scal
         share, luma, (u, v), margin = slow_look.look(
             view, prepared.cuts, row[view_table.EDGE], row[view_table.TOLERANCE], eye, uv[i], float(q[i])
         )
-        # Angles within 3e-7, lengths in single precision, both as far as the picture stretches them.
+        # Angles are exact to 3e-7, lengths to single precision, both times the picture's magnification.
         finer = max(abs(projection.fx), abs(projection.fy)) if isinstance(projection, Perspective) else max(
             w / np.ptp(projection.hor_range), h / np.ptp(projection.ver_range)
         )  # fmt: skip
@@ -226,14 +226,14 @@ def test_what_a_view_shows_is_the_slow_twins(projection, orientation, seed, scal
 
 
 def near_texel(u, v, off):
-    """Whether the four texels round a place might be others."""
+    """Whether rounding by `off` may select other texels around (u, v)."""
     return any(abs((c - 0.5) - round(c - 0.5)) < 2 * off for c in (u, v))
 
 
 @quick
 @given(st.integers(1, 9), st.integers(1, 9), st.integers(0, 999), st.sampled_from([1e-5, 1.0, 1e3]))
 def test_filling_weighs_as_the_slow_twin_does(h, w, seed, scale):
-    """Two levels of the pyramid, down and up, at disparities of all sizes."""
+    """Two levels of the pyramid, coarser and finer again, at disparities of all magnitudes."""
     rng = np.random.default_rng(seed)
     fine = rng.random((h, w, 5)).astype(np.float32)
     fine[..., 0] *= rng.random((h, w)) < 0.6
@@ -243,7 +243,7 @@ def test_filling_weighs_as_the_slow_twin_does(h, w, seed, scale):
     level = np.empty(((h + 1) // 2, (w + 1) // 2, 5), np.float32)
     fill_kernels.next_level_serially(fine, level)
     expected = slow_pyramid.coarser(fine)
-    # An eighth power of single precision and sums of four: 32 roundings, of colours up to 1023.
+    # An eighth power in single precision and sums of four values: 32 roundings, of colours up to 1023.
     np.testing.assert_allclose(level[..., 0], expected[..., 0], rtol=32 * ROUNDED)
     np.testing.assert_array_equal(level[..., 1], expected[..., 1].astype(np.float32))
     np.testing.assert_allclose(level[..., 2:], expected[..., 2:], atol=1023 * 32 * ROUNDED)

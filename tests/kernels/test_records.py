@@ -1,6 +1,6 @@
-"""No number stands for a field of a record: packed cameras, rows of view tables, lenses, tones, depth codings, rules.
+"""Fields of records are not addressed by number: packed cameras, view table rows, lenses, tones, depth codings, rules.
 
-The check follows names: parameters that are such records by name and annotation, and what is assigned from them.
+The check follows names: parameters that are records by name and annotation, and variables assigned from them.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("engine", "server", "clients", "tests")
-# Parameters that are a record, or a table whose rows are, where they have one of these annotations.
+# Names of parameters that are a record, or a table of records, if they have one of these annotations.
 RECORDS = {
     **dict.fromkeys(("camera", "other", "earlier_camera", "eye", "own", "there", "row", "view", "packed"), ("F64",)),
     **dict.fromkeys(("coding", "earlier_coding", "rules", "tone"), ("F64", "Coding")),
     "lens": ("F32", "int"),
 }
 TABLES = {**dict.fromkeys(("table", "full", "cameras", "others", "views", "packed"), "F64"), "lenses": "F32"}
-MAKERS = ("packed", "table_row")  # attributes and methods that give a record
+MAKERS = ("packed", "table_row")  # attributes and methods that return a record
 SIZES = ("CAMERA_SIZE", "TABLE_SIZE", "LENS_SIZE")  # np.zeros of one is a record
-TABLE_MAKERS = ("_packed",)  # attributes and functions that give a table
+TABLE_MAKERS = ("_packed",)  # attributes and functions that return a table
 
 
 def numbers_in_records(source: str) -> Iterator[tuple[int, str]]:
-    """Lines and code of the subscripts in a module that name a field of a record by a number."""
+    """Lines and code of a module's subscripts that address a field of a record by a number."""
     tree = ast.parse(source)
     yield from _in_scope(tree.body, set(), set(), source)
 
@@ -52,7 +52,7 @@ def _in_scope(body: list[ast.stmt], records: set[str], tables: set[str], source:
 
 
 def _walk(body: list[ast.stmt]) -> Iterator[ast.AST]:
-    """Nodes in order, without what is inside of functions and classes."""
+    """Nodes in order, without the contents of functions and classes."""
     todo: list[ast.AST] = list(reversed(body))
     while todo:
         node = todo.pop()

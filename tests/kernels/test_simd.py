@@ -1,4 +1,4 @@
-"""Vectors in kernels compute what NumPy computes in each lane, and gathers read nothing that they are not to."""
+"""Vectors in kernels compute the same as NumPy in each lane, and gathers read only the lanes of their mask."""
 
 from __future__ import annotations
 

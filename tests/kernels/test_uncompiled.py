@@ -1,4 +1,4 @@
-"""Kernels run without a compiler, too (NUMBA_DISABLE_JIT=1): they come to the same, and addresses are checked."""
+"""Kernels also run without a compiler (NUMBA_DISABLE_JIT=1): results are the same, and addresses are checked."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TESTS = Path(uncompiled_cases.__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def uncompiled(tmp_path_factory):
-    """Arrays of all cases, and the files of kernels of which something ran, without a compiler."""
+    """Arrays of all cases run without a compiler, and the kernel files of which any function ran."""
     path = tmp_path_factory.mktemp("uncompiled") / "arrays.npz"
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(TESTS)}
     subprocess.run([sys.executable, "-m", "support.uncompiled_cases", path], check=True, env=environment)
@@ -54,7 +54,7 @@ def test_kernels_come_to_the_same_without_a_compiler(case, compiled, uncompiled)
         found, expected = uncompiled[name], compiled[name]
         assert found.shape == expected.shape, name
         assert found.dtype == expected.dtype, name
-        # Compiled code rounds some sums of products once instead of twice: in a few pixels another surface wins by it.
+        # Compiled code rounds some sums of products only once, so that another surface wins in a few pixels.
         same = np.isclose(found.astype(float), expected.astype(float), rtol=1e-4, atol=1e-3, equal_nan=True)
         assert same.mean() >= 0.995, (name, same.mean())
 

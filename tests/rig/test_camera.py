@@ -68,7 +68,7 @@ def test_unproject_inverts_project(
 
 
 def bound_px(projection: Projection) -> float:
-    """How far a kernel's pixels may be off: its angles are within 4e-8."""
+    """The largest error of a kernel's pixel coordinates, whose angles are exact to 4e-8 rad."""
     if isinstance(projection, Perspective):
         return 0.0
     (left, right), (low, high) = projection.hor_range, projection.ver_range
@@ -81,7 +81,7 @@ def test_kernels_agree_with_cameras(
     projection: Projection, pose: Pose, s: float, t: float, depth: float
 ) -> None:
     camera = Camera("v", projection, pose, CODING)
-    origin = np.asarray(pose.position) + np.array([0.5, -0.25, 1.0])  # where the kernels count from
+    origin = np.asarray(pose.position) + np.array([0.5, -0.25, 1.0])  # the kernels' origin
     packed = camera.packed(origin)
     u, v = s * projection.width, t * projection.height
     near = unproject_point(packed, u, v, depth)
@@ -101,7 +101,7 @@ def test_kernel_wraps_the_azimuth_as_the_camera_does(
     (u, v), depth = projection.project([x, y, z])
     ku, kv, kd = project_point(Camera("v", projection, Pose(), CODING).packed(), x, y, z)
     turn = 2 * math.pi / (projection.hor_range[1] - projection.hor_range[0]) * projection.width
-    # Opposite to the picture's middle both ends are right.
+    # For points opposite the picture's middle, both ends of the picture are right.
     assert abs(math.remainder(ku - u, turn)) < 1e-6 + bound_px(projection)
     np.testing.assert_allclose(kv, v, atol=1e-6 + bound_px(projection))
     np.testing.assert_allclose(kd, depth, atol=1e-6)

@@ -70,7 +70,7 @@ def test_fewer_views_are_the_first_of_more():
 
 
 def test_half_of_a_sphere_is_covered_by_the_cameras_that_look_there():
-    """Of a ball of cameras that look outwards, those on the side that the viewer looks at are taken."""
+    """From a ball of cameras that look outwards, those on the side at which the viewer looks are selected."""
     half = Equirectangular(64, 64, (-math.pi / 2, math.pi / 2), (-math.pi / 2, math.pi / 2))
     ring = [
         camera(0.3 * math.cos(a), 0.3 * math.sin(a), yaw=a, projection=half)
@@ -82,7 +82,7 @@ def test_half_of_a_sphere_is_covered_by_the_cameras_that_look_there():
 
 
 def half_sphere(directions, radius=0.3):
-    """Cameras on a ball that look outwards, each into half of the world."""
+    """Cameras on a ball that look outwards, each with a field of view of half a sphere."""
     half = Equirectangular(64, 64, (-math.pi / 2, math.pi / 2), (-math.pi / 2, math.pi / 2))
     return [
         Camera(f"v{k}", half, Pose.from_euler(radius * d, math.atan2(d[1], d[0]), -math.asin(d[2]), 0.0), CODING)

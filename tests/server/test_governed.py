@@ -1,4 +1,4 @@
-"""A frame rate held by the service: over a real socket, with a core whose pairs take as long as its settings say."""
+"""A frame rate held by the service, over a real socket, with a core whose pairs take as long as its settings imply."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LADDER = make_ladder("balanced")
 
 
 class Slow(FakeCore):
-    """A pair of these settings' size: it takes `balanced_s` times the cost of the rung."""
+    """A core whose pairs have the size of its settings and take `balanced_s` times the cost of the rung."""
 
     balanced_s = 0.0
 
@@ -39,7 +39,7 @@ def status(url):
 
 
 async def pairs(peer, count, first=0):
-    """Ask for pairs one after the other."""
+    """Request `count` pairs one after the other."""
     found = []
     for seq in range(first, first + count):
         await peer.send(PoseUpdate(seq, seq / 10, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))

@@ -1,4 +1,4 @@
-"""The place of the one source: free as soon as its connection has ended, whatever is still done for it."""
+"""The place of the only source is free as soon as its connection has ended, even while work for it goes on."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ async def entered(gate: Gate) -> None:
 
 
 class Held:
-    """Calls of one function: each counts when it has begun and when it is over, those held wait at a gate."""
+    """Calls of one function: it counts how many have begun and how many have ended; held calls wait at a gate."""
 
     def __init__(self, function: Callable[..., Any], hold: Callable[[int], bool]) -> None:
         self._function, self._hold = function, hold
@@ -110,7 +110,7 @@ class Held:
 
 @pytest.fixture
 def hold(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Held]]:
-    """Makes calls of an owner's function wait; all go on when the test ends."""
+    """A function that makes calls of an owner's function wait; all of them continue when the test ends."""
     with ExitStack() as stack:
 
         def holding(owner: Any, name: str, which: Callable[[int], bool] = lambda number: number == 0) -> Held:
@@ -123,7 +123,7 @@ def hold(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Held]]:
 
 
 async def leave(source: Peer, how: str) -> None:
-    """Ends a connection: with a close frame, or as a process that is killed does."""
+    """End a connection with a close frame, or in the way of a killed process."""
     if how == "closes":
         await source._socket.close()
     else:
@@ -134,7 +134,7 @@ LEAVES = pytest.mark.parametrize("how", ["closes", "vanishes"])
 NEXT = pytest.mark.parametrize("following", [SOURCE, OTHER], ids=["same cameras", "other cameras"])
 
 
-# What is still done for a source that has ended
+# Work that is still done for a source that has ended
 
 
 @LEAVES
@@ -281,7 +281,7 @@ def test_another_source_is_refused_at_once_whatever_is_being_done_for_the_first(
 
 
 class Behind:
-    """A source that has sent more than the server reads, and others that come then."""
+    """A source that has sent more than the server has read, and other sources that connect then."""
 
     def __init__(self, url: str, cores: Cores, monkeypatch: pytest.MonkeyPatch) -> None:
         self.url, self.cores = url, cores
@@ -301,7 +301,7 @@ class Behind:
         monkeypatch.setattr(Inbox, "is_there", count_asked)
 
     async def send(self, source: Peer) -> None:
-        """Frames 0 to 8; of the last eight the first is held in the core, the third waits to be offered."""
+        """Send frames 0 to 8; of the last eight, the core holds the first, and the third waits to be offered."""
         await send_frame(source, 0)
         self.cores.made[0].updating.close()
         for frame in range(1, 9):
@@ -309,7 +309,7 @@ class Behind:
         await until(lambda: self.read == 2 + 3 * 2 + 2)
 
     async def come(self, count: int) -> list[asyncio.Task[FrameDone]]:
-        """So many other sources, who have all asked for the place, or have been refused."""
+        """Connect `count` other sources; return when all have asked for the place or have been refused."""
         coming = [asyncio.create_task(come_and_play(self.url, OTHER, 0)) for _ in range(count)]
         await until(lambda: self.asked == count or any(task.done() for task in coming))
         return coming
@@ -393,7 +393,7 @@ def test_two_sources_come_and_go_in_turn_many_times(url: str, cores: Cores, how:
 
 @contextmanager
 def busy_cores(count: int) -> Iterator[None]:
-    """Processes that compute for nothing."""
+    """Processes that keep `count` cores busy."""
     with ExitStack() as stack:
         for _ in range(count):
             process = stack.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))

@@ -119,7 +119,7 @@ messages = st.one_of(
 
 
 def same(a: Any, b: Any) -> bool:
-    """Equal but for the last bits of numbers: a quaternion is normalised again on arrival."""
+    """Whether two messages are equal up to the last bits of numbers: a quaternion is normalised again on arrival."""
     if isinstance(a, dict):
         return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
     if isinstance(a, list):
@@ -307,7 +307,7 @@ def test_field_of_view_is_a_pair_of_equal_frusta_with_square_pixels() -> None:
 
 
 def test_openxr_axes() -> None:
-    """Forward is -z there and +x here; right is +x there and -y here, up is +y there and +z here."""
+    """Forward is -z in OpenXR and +x in OMAF; right is +x and -y, up is +y and +z."""
     half = math.sqrt(0.5)
     pose = protocol.pose_from_wire("openxr", (1.0, 2.0, 3.0), (0.0, half, 0.0, half))  # 90 degrees to the left
     assert pose.position == (-3.0, -1.0, 2.0)
@@ -324,7 +324,7 @@ def test_axes_there_and_back(pose: Pose, axes: str) -> None:
 
 @given(quaternions(), vectors)
 def test_rotating_commutes_with_changing_axes(q: Any, v: Any) -> None:
-    """Turning a point in OpenXR's axes and then changing axes is changing axes and then turning."""
+    """Turning a point and then changing axes gives the same as changing axes first and then turning."""
     w, x, y, z = q
     in_xr = Pose((0, 0, 0), (w, x, y, z)).rotation() @ v
     here = protocol.pose_from_wire("openxr", (0.0, 0.0, 0.0), (x, y, z, w)).rotation()

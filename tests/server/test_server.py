@@ -1,4 +1,4 @@
-"""The server over real sockets: who is let in, what is refused, and that everyone else goes on."""
+"""The server over real sockets: which clients are accepted, what is refused, and that all others continue."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def status(url: str) -> dict[str, Any]:
     return json.loads(fetch(f"{url}/status"))
 
 
-# What it is for
+# The server's purpose
 
 
 def test_frames_in_pictures_out(url: str, cores: Cores) -> None:
@@ -238,7 +238,7 @@ def test_status_metrics_and_mesh(url: str) -> None:
     assert b"Farside" in fetch(f"{url}/")
 
 
-# Who is let in
+# Which clients are accepted
 
 
 def test_tokens() -> None:
@@ -400,7 +400,7 @@ def test_bad_input_ends_its_own_connection_only(url: str, cores: Cores, case: st
             assert (error.code, closed_with) == (code, code)
             assert re.search(says, text)
             assert text.startswith(reason[:100])
-            assert (await picture(viewer, 1)).frame == 1  # the viewer goes on
+            assert (await picture(viewer, 1)).frame == 1  # the viewer continues
             await gone(url)
             async with connect(url, SOURCE) as (source, _):  # so does the next source, with the same model
                 assert await send_frame(source, 2) == FrameDone(2, "updated")
@@ -477,7 +477,7 @@ def test_an_engine_that_is_lost_is_told_to_its_clients_and_replaced(url: str, co
 
 
 def test_a_source_that_ignores_its_credits_is_slowed_not_queued(url: str, cores: Cores) -> None:
-    """No more than a shown frame, one that is being taken and one that waits are in memory; none of them is lost."""
+    """At most three frames are in memory: one shown, one being taken, one waiting. None of them is lost."""
 
     async def scenario() -> None:
         async with connect(url, SOURCE) as (source, welcome):
@@ -496,7 +496,7 @@ def test_a_source_that_ignores_its_credits_is_slowed_not_queued(url: str, cores:
     run(scenario)
 
 
-# Memory that is shared
+# Shared memory
 
 
 SHARING = dataclasses.replace(SOURCE, shares=True)
@@ -528,7 +528,7 @@ def written(number: int, frame: int, buffer: int) -> ViewData:
 def test_a_source_on_the_same_machine_writes_frames_into_the_servers_memory(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """More frames than there are buffers; and each is what the core gets."""
+    """There are more frames than buffers; the core gets every frame unchanged."""
     lumas: list[set[int]] = []
     original = FakeCore.update
 
