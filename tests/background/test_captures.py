@@ -1,4 +1,4 @@
-"""Surfaces keep the colours of the capture that they stem from, whatever their camera sees by now from elsewhere."""
+"""Surfaces keep the colours of their own capture, even when their camera has moved and sees something else."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def wall(camera, luma, *, gap):
 
 
 def recaptured():
-    """A model of one camera that has begun a second capture beside the first, and its cameras then and now."""
+    """A model of one camera that has moved and begun a second capture, and the camera before and after."""
     first = camera_row(1)[0]
     begin = Frame(0, (wall(first, WALL_Y, gap=True),))
     settings = Settings(n_init=1)
@@ -64,7 +64,7 @@ def test_triangles_of_the_first_capture_keep_its_colours():
     np.testing.assert_array_equal(luma[there], WALL_Y)
     expected = srgb_from_ycbcr(np.array([[WALL_Y, WALL_Y // 2, WALL_Y // 2 + 1]]))
     np.testing.assert_array_equal(model.mesh().colours, np.broadcast_to(expected, model.mesh().colours.shape))
-    for index in range(2, 6):  # a turn at its new place changes nothing of that
+    for index in range(2, 6):  # turns at its new place do not change that
         report = model.update(Frame(index, (wall(second, LATER_Y, gap=True),)))
         assert report.group == ("v0",)
     np.testing.assert_array_equal(luma_of(model, first)[0][there], WALL_Y)

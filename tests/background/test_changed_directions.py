@@ -1,4 +1,4 @@
-"""In which directions geometry has changed, and whose culling marks that concerns."""
+"""The directions in which geometry has changed, and the cameras whose culling marks are affected."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EYES = ((0.0, 0.0, 0.0), (0.4, -0.2, 0.1))
 
 
 def triangles_around(rng, count, size):
-    """Meshes of single triangles at random places about the eyes, some of them at the poles."""
+    """Meshes of single triangles at random places around the eyes, some of them at the poles."""
     middle = rng.normal(size=(count, 3))
     middle[: count // 8, :2] *= 0.02
     middle *= rng.uniform(2.0, 6.0, (count, 1)) / np.linalg.norm(middle, axis=1, keepdims=True)
@@ -61,7 +61,7 @@ def test_all_marks_before_new_triangles_are_taken_and_few_others(size, most):
     assert taken.mean() <= most
     np.testing.assert_array_equal(marks[:, 1], 3)
     before = marks.copy()
-    changed.forget(1, [surface], (DELTA, 0.0))  # these changes have been looked at
+    changed.forget(1, [surface], (DELTA, 0.0))  # camera 1 has handled these changes
     np.testing.assert_array_equal(marks, before)
     changed.forget(0, [surface], (DELTA, 0.0))  # but not by the other camera
     assert np.count_nonzero(marks[:, 0] == 0) > 0

@@ -1,4 +1,4 @@
-"""Coverage selection and the farther-only test: what of the first views goes into the S-PBS."""
+"""Coverage selection and the farther-only test: which parts of the first views become the S-PBS."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_only_farther_pixels_of_later_views_are_kept(wide, delta):
         projection = Equirectangular(64, 48, (-0.9, 0.8), (-0.5, 0.5))
         cameras[1] = dataclasses.replace(cameras[1], projection=projection)
     views = [see(camera, box_y=0.1) for camera in cameras]
-    if wide:  # the oracle of the room is for perspective cameras: any depth will do
+    if wide:  # the room's oracle is for perspective cameras, but any depth will do
         rng = np.random.default_rng(0)
         codes = CODING.codes(rng.uniform(2.0, 6.0, (48, 64)))
         codes[rng.random(codes.shape) < 0.1] = 0
@@ -77,7 +77,7 @@ def test_the_s_pbs_takes_from_later_views_only_what_earlier_ones_do_not_show():
         settings = Settings(n_init=n_init, tolerance_px=0.0)
         sizes[n_init] = model_of(cameras, first, settings)[1].s_pbs
     assert sizes[1] == count
-    # Cameras 0.4 m apart see 0.4 m of the wall that the one beside them does not: seven of 96 columns.
+    # Each camera sees 0.4 m of the wall that its neighbour, 0.4 m away, does not see: seven of 96 columns.
     strip = 0.4 / (2 * WALL_X * np.tan(0.6)) * count
     assert sizes[2] - sizes[1] == pytest.approx(2 * strip, rel=0.2)  # the second is the view that overlaps least
     assert sizes[2] <= sizes[3] < sizes[2] + 0.02 * count  # the third sees nothing new, but for the border of a pixel

@@ -1,4 +1,4 @@
-"""Foreground culling: rays by pixel with their complementary ones, and rays by triangle."""
+"""Foreground culling: rays through pixels with complementary rays, and rays to triangles."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def wall(distance, half=3.0, count=9):
 
 @pytest.mark.parametrize(("delta", "found"), [(0.2, [True, True, False]), (0.06, [True, False, False])])
 def test_complementary_rays_mark_what_lies_just_before_the_closest_hit(delta, found):
-    """Three walls at 4, 3.95 and 3.7 m: rays from outside hit the first; the others only complementary ones reach."""
+    """Three walls at 4, 3.95 and 3.7 m: rays from outside hit the first; only complementary rays reach the others."""
     camera = camera_row(1, (48, 32))[0]
     pbs = ProbableBackgroundSurface(3)
     for number, distance in enumerate((4.0, 3.95, 3.7)):

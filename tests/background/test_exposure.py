@@ -1,4 +1,4 @@
-"""Exposure: the kernels' twins, tones found again, robustness, steadiness, and pictures without seams."""
+"""Exposure: oracles of the kernels, recovered tones, robustness, steadiness, and pictures without seams."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def with_luma(view, luma):
 def test_samples_are_those_of_the_readable_twin(rig):
     _, first, scene = rig
     views = table(first, scene)
-    # Cameras of different heights: else images lie on the border of two pixels, and rounding decides which it is.
+    # Cameras at different heights: otherwise images lie on the border of two pixels, and rounding decides.
     pairs, columns, rows = np.array([[0, 5], [5, 0], [2, 5]]), 20, 15
     samples = np.zeros((3, columns * rows, 2, 3), np.float32)
     counts = np.zeros(3, np.int64)
@@ -109,7 +109,7 @@ def test_tones_are_those_of_the_dense_system(count):
 
 
 def test_tones_that_agree_stay():
-    """Without evidence, and without a pair, what is expected is the solution."""
+    """Without evidence, and without any pair, the solution is the expected tones."""
     for nodes in (np.empty((0, 2), np.int64), np.array([[0, 1]])):
         off, nothing = np.zeros((2, 3, 3)), np.zeros((len(nodes), 3, 3, 3))
         solve_tones(nothing, nothing[..., 0], nodes, np.ones(len(nodes)), np.array([25.0, 0.1, 9.0]), off)
@@ -188,7 +188,7 @@ def test_tones_are_found_again(rig, seed):
 
 
 def test_a_fifth_of_outliers_does_little(rig):
-    """In every view something that no other view shows the same covers a fifth: bright squares, elsewhere in each."""
+    """Bright squares cover a fifth of every view, in each view at other places, so that no two views agree there."""
     _, first, scene = rig
     truth = random_tones(len(first.views), 0)
     rng = np.random.default_rng(5)
@@ -257,7 +257,7 @@ def test_pictures_from_differing_views_are_as_good_as_from_equal_ones(quality):
 
 
 def test_the_background_follows_the_light():
-    """What was uncovered while the light was on fills a hole when all cameras see less."""
+    """Background that was uncovered while the light was on fills a hole when all cameras see less light."""
     cameras = camera_row(2, spacing=0.2)
     viewer = dataclasses.replace(cameras[0], name="viewer", pose=Pose((0.0, 0.9, 0.0)))
     dark = np.tile(np.diag([0.6, 0.6, 0.6, 1.0]), (2, 1, 1))

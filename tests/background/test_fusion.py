@@ -12,7 +12,7 @@ from support.rooms import BOX_X, BOX_Y, CODING, WALL_X, WALL_Y, camera_row, fram
 
 
 def flickering(cameras, rng, index, box_y=None, share=0.004):
-    """A frame whose depths are off by a share of them."""
+    """A frame whose depths have random relative errors of `share`."""
     views = []
     for view in frame(index, cameras, box_y).views:
         depth = CODING.depth(view.codes) * (1 + share * rng.standard_normal(view.codes.shape))
@@ -35,7 +35,7 @@ def test_noisy_depth_does_not_make_the_model_grow_and_is_averaged_away():
     assert np.nanmax(np.abs(off[256])) < 0.1
     rms = {index: np.sqrt(np.nanmean(values**2)) for index, values in off.items()}
     assert rms[0] > rms[16] > rms[64] > rms[256]
-    # As many views as rounds, and one; each surface is put there after 2, 4, 8, 16, 32 of them.
+    # As many views as rounds, plus one; each surface is put into the tracer after 2, 4, 8, 16 and 32 of them.
     assert rms[64] < 1.3 * rms[0] / np.sqrt(5)
     assert rms[256] < 1.3 * rms[0] / np.sqrt(17)
 

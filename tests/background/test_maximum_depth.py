@@ -44,7 +44,7 @@ def test_updates_are_those_of_the_slow_twin(size, has_invalid, bits):
         np.testing.assert_array_equal(image.codes, codes)
         np.testing.assert_array_equal(image.texture.y, luma)
         np.testing.assert_array_equal(image.flags & UPDATED != 0, updated)
-        image.flags[:] = 0  # colours that are taken later have their own tests
+        image.flags[:] = 0  # delayed colours have their own tests
 
 
 @pytest.mark.parametrize("has_invalid", [True, False])
@@ -54,7 +54,7 @@ def test_the_least_that_is_farther_than_any_code_is_found(has_invalid, far, marg
     coding, tolerances = DepthCoding(0.5, far, 16, has_invalid), Tolerances(0.1, margin_m, noise)
     each = np.arange(1 << 16).reshape(-1, 32)
     camera = Camera("c", Perspective.from_fov(32 * TILE, 2 * len(each), 1.0), Pose(), coding)
-    codes = np.kron(each, np.ones((2, TILE))).astype(np.uint16)  # one in all pixels that are compared at once
+    codes = np.kron(each, np.ones((2, TILE))).astype(np.uint16)  # the same code in all pixels that are compared at once
     view = View(camera, texture_of(np.full(codes.shape, 500)), codes)
     margins = coding.offset, coding.step, has_invalid, margin_m, tolerances.margin_disparity(coding)
     limits = np.array([[farther_than(code, *margins) for code in row] for row in each])
@@ -98,7 +98,7 @@ def test_what_is_as_high_as_a_block_is_found_at_once():
     image = MaximumDepthImage(near, TOLERANCES, edge=1e9)
     image.update(dataclasses.replace(near, codes=codes), whole=False)
     np.testing.assert_array_equal(image.codes[2 * PHASES : 4 * PHASES], codes[2 * PHASES : 4 * PHASES])
-    image.update(dataclasses.replace(near, codes=codes), whole=False)  # the blocks beside what has changed
+    image.update(dataclasses.replace(near, codes=codes), whole=False)  # the blocks next to the change
     np.testing.assert_array_equal(image.codes, codes)
 
 
@@ -145,7 +145,7 @@ def test_someone_who_leaves_uncovers_depth_and_colour():
     np.testing.assert_array_equal(image.codes, empty.codes)
     for plane in ("y", "cb", "cr"):
         np.testing.assert_array_equal(getattr(image.texture, plane), getattr(empty.texture, plane))
-    assert image.update(see(camera, box_y=0.5)) == 0  # someone who comes back covers nothing of it
+    assert image.update(see(camera, box_y=0.5)) == 0  # someone who comes back does not cover it
 
 
 def test_colours_from_a_rim_are_replaced_when_it_has_gone():
@@ -202,7 +202,7 @@ def fuses(image, views):
 
 
 def fusing(view, deviations=1.0):
-    """A maximum depth image that allows for `deviations` times the noise that there is."""
+    """A maximum depth image that tolerates `deviations` times the actual noise."""
     noise = Tolerances(0.1, 1e-6, deviations * SIGMA * CODING.step)
     return MaximumDepthImage(view, noise, edge=0.05)
 
@@ -237,7 +237,7 @@ def test_a_maximum_that_is_not_fused_strays_and_a_fused_one_does_not():
             image.update(view)
             if fuse:
                 image.fuse(view)
-        assert image.fused.shape == (wall.codes.shape if fuse else (0, 0))  # what is not fused is spared it
+        assert image.fused.shape == (wall.codes.shape if fuse else (0, 0))  # without fusion it takes no memory
         off[fuse] = rms(image.codes.astype(int) - wall.codes)
     assert off[False] > 1.2 * SIGMA
     assert off[True] < 0.3 * SIGMA
@@ -281,7 +281,7 @@ def test_colours_are_averaged_and_follow_the_light():
 
 
 def test_a_colour_that_was_someones_is_forgotten():
-    """Depth says that someone has left some pixels, whose colour is still theirs: estimated edges wander."""
+    """Depth shows that someone has left some pixels whose colour is still theirs, because estimated edges wander."""
     camera = camera_row(1)[0]
     there, gone = see(camera, box_y=0.0), see(camera)
     late = View(camera, there.texture, gone.codes)

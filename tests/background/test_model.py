@@ -22,7 +22,7 @@ def test_the_first_frame_is_the_wall_and_the_box_before_it():
     behind = np.isclose(depth, WALL_X, atol=0.02)
     assert np.count_nonzero(~behind & ~np.isclose(depth, BOX_X, atol=0.02)) < 5  # corners of the box are culled
     assert behind.mean() > 0.9
-    # Where another camera sees the wall behind the box, that is what is farthest.
+    # Where another camera sees the wall behind the box, the wall is the farthest surface.
     seen = see(cameras[1], box_y=0.0).texture.y[1:-1, 1:-1] == BOX_Y
     assert np.count_nonzero(~behind) < 0.8 * np.count_nonzero(seen)
     assert np.all(luma[behind & ~seen] == WALL_Y)

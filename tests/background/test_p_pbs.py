@@ -1,4 +1,4 @@
-"""A camera's turn: what later frames uncover becomes part of the P-PBS."""
+"""A camera's turn: surfaces that later frames uncover become part of the P-PBS."""
 
 from __future__ import annotations
 

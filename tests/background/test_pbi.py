@@ -214,7 +214,7 @@ def test_only_wanted_cells_are_made():
 
 @pytest.mark.parametrize("standing", [False, True])
 def test_what_lies_between_the_imaginary_camera_and_the_eyes_is_not_shown(standing):
-    """Someone who stands before the wall is in the model, and nearer than where the picture begins."""
+    """Someone in front of the wall is in the model, but nearer than the near limit of the picture."""
     cameras = camera_row()
     first = frame(0, cameras, box_y=0.0)
     model = model_of(cameras, first)

@@ -1,4 +1,4 @@
-"""Another ray tracer stands behind the model's: one that is slow, and shares nothing with the first."""
+"""The model works the same with another ray tracer, which is slow and shares no code with the first."""
 
 from __future__ import annotations
 

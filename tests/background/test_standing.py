@@ -1,4 +1,4 @@
-"""Which of the surfaces behind a pixel the backdrop shows: the nearest that no view looks, or has looked, through."""
+"""The surface that the backdrop shows behind a pixel: the nearest that no view sees past, or has seen past."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ POSES = {
 @pytest.mark.parametrize("pose", POSES)
 def test_a_wall_that_stands_is_shown_and_its_window_is_open(pose):
     luma, x, window = seen_from(POSES[pose], standing=True)
-    # All but a texel of the cameras round the window's border: there, nothing tells.
+    # All pixels but a texel of the cameras around the window's border, where the views prove nothing.
     assert np.mean((np.abs(x - NEAR_X) < 0.05) == ~window) > 0.97
     assert np.mean((luma == NEAR_Y) == ~window) > 0.96
 
@@ -172,7 +172,7 @@ def test_an_unknown_backdrop_is_refused():
 
 
 def test_the_engine_shows_what_the_setting_says():
-    """Beside a post, which hides a strip of the near wall from the one view that has depth now."""
+    """Next to a post, which hides a strip of the near wall from the only view that has depth now."""
     cameras = camera_row(5, (192, 128), 0.6)
     eye = Camera("eye", Perspective.from_fov(80, 60, 0.8), Pose((0.0, 0.25, 0.0)), DepthCoding(0.5, 20.0))
     first = Frame(0, tuple(wall_with_window(camera) for camera in cameras))

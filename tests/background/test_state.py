@@ -1,4 +1,4 @@
-"""A model that is put back from its state continues bit for bit."""
+"""A model that is restored from its state continues bit for bit."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def everything(model, seen):
 
 
 def leaves(record, name="state"):
-    """Arrays and scalars of a state, by place."""
+    """Arrays and scalars of a state, by their path in it."""
     if dataclasses.is_dataclass(record):
         for field in dataclasses.fields(record):
             yield from leaves(getattr(record, field.name), f"{name}.{field.name}")

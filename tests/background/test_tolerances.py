@@ -18,7 +18,7 @@ def test_delta_follows_from_the_scene_unless_it_is_set():
     views = frame(0, camera_row()).views
     found = scene_tolerances(views, Settings())
     assert found.delta_m == pytest.approx(0.02 * WALL_X, rel=0.01)
-    assert found.delta_at(20.0) == pytest.approx(found.delta_m, rel=0.01)  # fine codes are far better than that
+    assert found.delta_at(20.0) == pytest.approx(found.delta_m, rel=0.01)  # fine codes have much smaller steps
     coarse = dataclasses.replace(CODING, bits=8)
     camera = dataclasses.replace(camera_row(1)[0], depth=coarse)
     found = scene_tolerances([see(camera)], Settings())
@@ -54,7 +54,7 @@ def test_tolerances_that_make_no_sense_are_named(name):
 
 @pytest.mark.parametrize("scale", [0.01, 30.0])
 def test_a_scene_of_another_size_has_tolerances_of_that_size(scale):
-    """Everything is as far again, its codes and their errors the same: lengths grow, disparities shrink."""
+    """All distances are scaled by `scale`; codes and their errors are the same: lengths grow, disparities shrink."""
     rng = np.random.default_rng(1)
     cameras = camera_row()
     sized = [
@@ -97,7 +97,7 @@ def test_more_noise_makes_a_larger_delta():
     for deviation in (20.0, 100.0, 500.0):  # codes
         codes = np.rint(view.codes + deviation * errors).astype(np.uint16)
         found = with_noise(known, [sampled], [dataclasses.replace(view, codes=codes)], Settings())
-        # Between two frames that both had this noise it would be the square root of two of what is expected here.
+        # The difference of two frames that both had this noise would be sqrt(2) times what is expected here.
         expected = 1.0483 * 0.6745 * deviation * CODING.step
         assert found.noise == pytest.approx(expected, rel=0.1)
         deltas.append(found.delta_at(2 * WALL_X))

@@ -24,7 +24,7 @@ DELTA = 0.2
 
 
 def wall_with_a_gap():
-    """A wall at a distance of 4 of squares of 0.25, but for nine of them."""
+    """A wall at a distance of 4 m, made of squares of 0.25 m, nine of which are missing."""
     y, z = np.meshgrid(np.arange(-4, 4.01, 0.25) + 0.07, np.arange(-4, 4.01, 0.25) + 0.04, indexing="ij")
     points = np.stack([np.full(y.shape, 4.0), y, z], axis=-1).reshape(-1, 3).astype(np.float32)
     k = np.arange(y.size).reshape(y.shape)
@@ -59,7 +59,7 @@ def test_candidates_are_accepted_as_by_the_slow_twin_with_fewer_rays(size, share
     pbs.commit()
     rng = np.random.default_rng(2)
     depth = np.full(size[::-1], 4.0)
-    depth[3:9, 5:16] = 5.0  # a region behind the wall, and what is not enough of one
+    depth[3:9, 5:16] = 5.0  # a region behind the wall, and pixels too few for one
     depth[14, 28] = depth[20, 9:11] = 5.0
     codes = CODING.codes(depth)
     updated = rng.random(codes.shape) < share

@@ -1,4 +1,4 @@
-"""Which parts of a background image are made: all that an eye near by can see past the views, and not much more."""
+"""The parts of a background image that are made: all that a nearby eye can see past the views, and little more."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def prepared(camera, box_y, *, spoiled=False):
 
 
 def drawn(views, camera):
-    """Disparity of what is drawn of the views, 0 where nothing is, [h, w]."""
+    """Disparity [h, w] of the drawn views, 0 where nothing is drawn."""
     canvas = Canvas(camera.width, camera.height)
     for number, view in enumerate(views):
         canvas.draw(view.mesh(), Target(camera, ORIGIN), number, 0.01, 0.0)

@@ -1,4 +1,4 @@
-"""What no head in the viewing space can see is not kept."""
+"""Surfaces that no head in the viewing space can see are not kept."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_triangle_is_kept_while_a_point_of_the_ball_is_before_it():
 
 
 def wall_between(position, yaw):
-    """A camera 2 m before a wall across the x axis, and what it sees."""
+    """A camera 2 m in front of a wall across the x axis, and its view."""
     camera = Camera(f"v{yaw:.0f}", Perspective.from_fov(32, 24, 1.2), Pose.from_euler(position, yaw, 0.0, 0.0), CODING)
     codes = np.full((24, 32), CODING.codes(np.array(2.0)), np.uint16)
     return View(camera, texture_of(np.full((24, 32), 500, np.uint16)), codes)
@@ -99,7 +99,7 @@ def test_what_a_wall_hides_from_all_heads_is_not_kept_and_all_else_is():
     np.testing.assert_array_equal(still_seen, seen)
     assert len(unseen) > 0.5 * len(seen)
     assert len(still_unseen) < 0.2 * len(unseen)
-    # What stays beside what is seen: at most a triangle and two cells away.
+    # Kept surfaces that are not seen lie at most a triangle and two cells from seen ones.
     beside = (whole.settings.max_block_px + 2 * CELL) / LENS.fx * PARTITION[0][0]
     assert still_unseen.min() > END - beside > unseen.min()
     assert after[0].hidden > 0
@@ -112,7 +112,7 @@ def test_where_the_farthest_surface_is_shown_nothing_is_hidden():
 
 
 def test_heads_in_the_space_see_the_same():
-    """Also when a cupboard has gone, behind which the far wall was uncovered."""
+    """This holds also when a cupboard has gone and uncovered the far wall behind it."""
     rooms = [two_rooms(CUPBOARD)] * 2 + [two_rooms()] * len(RIG)
     (whole, before), (part, after) = played(*rooms, ball=None), played(*rooms)
     assert before[-1].p_pbs > after[-1].p_pbs
@@ -126,7 +126,7 @@ def test_heads_in_the_space_see_the_same():
         differing.append(np.count_nonzero(one != other))
     *inside, outside = differing
     assert max(inside) <= 0.001 * 120 * 90
-    assert outside > 0.05 * 120 * 90  # who stands elsewhere does miss it
+    assert outside > 0.05 * 120 * 90  # heads outside the space do miss it
 
 
 def test_what_a_straight_edge_hides_from_all_eyes_it_hides_from_the_ball():

@@ -1,4 +1,4 @@
-"""The benchmark of the model under noise: its figures on cases that are known, and what the command prints."""
+"""The benchmark of the model under noise: its figures on known cases, and the command's output."""
 
 from __future__ import annotations
 

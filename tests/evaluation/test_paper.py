@@ -1,4 +1,4 @@
-"""What a preset gains over the published algorithm: rows that fit together, printed as they come; render takes it."""
+"""A preset compared with the published algorithm: rows are consistent and printed at once; `render` accepts it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scene does not need is not done, and the bench says so."""
+"""Work that a scene does not need is not done, and the benchmark shows it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Benchmarks of speed on a tiny twin: right in what they say of pictures and sizes, however long they take."""
+"""Benchmarks of speed on a tiny twin: their pictures and sizes are right, however long they take."""
 
 from __future__ import annotations
 

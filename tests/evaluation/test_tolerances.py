@@ -1,4 +1,4 @@
-"""Depth edges by a scene's rule, and the benchmark of tolerances: its figures, what it finds, what it prints."""
+"""Depth edges that follow from a scene, and the benchmark of tolerances: its figures, findings and output."""
 
 from __future__ import annotations
 

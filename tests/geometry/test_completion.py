@@ -1,4 +1,4 @@
-"""Completion of depth: against the readable twin, on planes and steps, and what of it reaches a picture."""
+"""Completion of depth: against the readable twin, on planes and steps, and its effect on pictures."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_a_plane_with_dropouts_is_restored_in_its_slope():
     error = np.abs(out - plane)
     assert error.max() <= 150.0  # one pixel down the slope
     assert error[lost].mean() <= 15.0
-    assert (confidence[lost] >= 180).mean() > 0.98  # but in clusters of dropouts
+    assert (confidence[lost] >= 180).mean() > 0.98  # except in clusters of dropouts
 
 
 def test_a_hole_in_a_plane_is_crossed():
@@ -79,7 +79,7 @@ def test_a_hole_in_a_plane_is_crossed():
     plane = 20000 + 90.0 * x + 60.0 * y
     lost = np.hypot(y - 48, x - 64) < 12
     out, _ = completed(view_of(np.where(lost, 0, np.rint(plane))))
-    # Much closer than any one depth would be, which is off by the slope times the radius.
+    # Much closer than a single depth could be, whose error would be the slope times the radius.
     assert np.abs(out - plane)[lost].max() < 0.4 * 12 * np.hypot(90, 60)
 
 
@@ -94,7 +94,7 @@ def test_a_step_under_a_colour_edge_is_not_smeared():
 
 
 def mixed_by_loops(codes, edge):
-    """Pixels half way between two surfaces, straight from the definition."""
+    """Pixels half way between two surfaces, directly from the definition."""
     mixed = np.zeros(codes.shape, bool)
     for lines, marks in ((codes, mixed), (codes.T, mixed.T)):
         for j, i in np.ndindex(lines.shape):
@@ -140,7 +140,7 @@ def test_clean_views_are_left_alone():
     assert complete(whole, 0.1).doubtful is None
     codes = codes.copy()
     codes[2, 2] = 0
-    far = view_of(codes, coding=DepthCoding(0.5, 10.0))  # 0 is the far plane
+    far = view_of(codes, coding=DepthCoding(0.5, 10.0))  # code 0 is the far plane
     assert complete(far, 0.1).codes is far.codes
     nothing = view_of(np.zeros((8, 8)))
     assert complete(nothing, 0.1).codes is nothing.codes
@@ -156,7 +156,7 @@ def rendered(views, **settings):
 def test_what_is_not_measured_hides_no_measured_surface():
     near, far = (int(code) for code in CODING.codes(np.array([1.0, 3.0])))
     x = np.broadcast_to(np.arange(64), (48, 64))
-    half = view_of(np.where(x < 24, near, 0))  # would be continued at 1 m
+    half = view_of(np.where(x < 24, near, 0))  # completion would continue it at 1 m
     wall = view_of(np.full((48, 64), far), name="v1", position=(0.0, 0.02, 0.0))
     picture = rendered([half, wall])
     np.testing.assert_allclose(picture.disparity[:, 2:22], 1.0, atol=0.01)

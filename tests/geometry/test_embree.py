@@ -100,7 +100,7 @@ def test_farthest_hits_are_those_of_brute_force(projection):
     found = 0
     for (u, v), (distance, geometry, primitive) in zip(uv, hits, strict=True):
         expected, triangle = farthest(camera, u, v, points, triangles)
-        if triangle < 0:  # what hits nothing is asked again a little beside
+        if triangle < 0:  # a ray that hits nothing is compared a little to the side
             expected, triangle = farthest(camera, u + BESIDE_PX, v - BESIDE_PX, points, triangles)
         if triangle < 0:
             assert distance < 0
@@ -172,7 +172,7 @@ def test_a_marking_ray_passes_through_and_marks_all():
 def test_a_ray_is_free_up_to_what_is_there():
     sheets = [height_field(5, x, seed=int(x)) for x in (2.0, 3.0, 4.0)]
     scene, flags = scene_of(*sheets)
-    flags[0][:] = 1  # not there
+    flags[0][:] = 1  # the first sheet is switched off
     rng = np.random.default_rng(3)
     origins, directions = rng.uniform(-0.5, 0.5, (200, 3)), np.array([1.0, 0, 0]) + rng.uniform(-0.4, 0.4, (200, 3))
     rays = list(zip(np.float32(origins), np.float32(directions), strict=True))

@@ -1,4 +1,4 @@
-"""Views at reduced sizes: what is too fine becomes grey, and nothing crosses a depth edge."""
+"""Views at reduced sizes: patterns that are too fine become grey, and nothing crosses a depth edge."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def camera_at(y=0.0, projection=FLAT, yaw=0.0, pitch=0.0):
 
 
 def prepared(camera, depth, luma):
-    """A view whose chroma is an eighth of its luma, and that plus 9."""
+    """A view whose Cb is an eighth of its luma, and whose Cr is that plus 9."""
     luma = np.broadcast_to(np.rint(luma), (camera.height, camera.width)).astype(np.uint16)
     chroma = np.ascontiguousarray(luma[::2, ::2] // 8)
     codes = camera.depth.codes(np.broadcast_to(np.asarray(depth, float), luma.shape))
@@ -54,7 +54,7 @@ def test_a_pattern_that_is_too_fine_becomes_grey(projection, times, cubic):
     camera = camera_at(projection=projection)
     v, u = np.mgrid[0:96, 0:128]
     view = prepared(camera, 4.0, np.where((u + v) % 2, 900, 100))
-    # The target's pixels look at the middle of texels, not at where four of them meet.
+    # The target's pixel centres project to centres of texels, not to corners where four of them meet.
     half = 0.5 / (projection.fx if isinstance(projection, Perspective) else 128 / 1.2)
     target = camera_at(projection=projection.scaled(1.0 / times), yaw=half, pitch=half)
     inner = np.s_[2:-2, 2:-2]
@@ -78,7 +78,7 @@ def test_no_colour_crosses_a_depth_edge(times, y):
 
 
 def test_chroma_crosses_no_depth_edge_either():
-    near = (np.arange(FLAT.width) >= 42) & (np.arange(FLAT.width) < 82)  # its own 2x2 pixels are of one surface
+    near = (np.arange(FLAT.width) >= 42) & (np.arange(FLAT.width) < 82)  # its own 2x2 texels are of one surface
     view = prepared(camera_at(), np.where(near, NEAR, FAR), np.where(near, 900, 104))
     canvas = shaded(camera_at(0.05, FLAT.scaled(0.25)), view)
     drawn = canvas.disparity > 0
@@ -90,7 +90,7 @@ def test_chroma_crosses_no_depth_edge_either():
 
 
 def test_what_only_the_full_size_shows_is_taken_from_there():
-    """A wall that one sees through slits narrower than a reduced texel, whose nearest surface is the fence."""
+    """A wall seen through slits narrower than a reduced texel: in the reduced view the fence wins there."""
     slit = np.isin(np.arange(FLAT.width) % 8, (3, 4))
     view = prepared(camera_at(), np.where(slit, FAR, NEAR), np.where(slit, 100, 900))
     canvas = shaded(camera_at(projection=FLAT.scaled(0.5), yaw=1.0 / FLAT.fx), view)
@@ -125,7 +125,7 @@ def test_a_wrapping_picture_is_reduced_across_its_seam(times):
     v, u = np.mgrid[0:size, 0:size] + 0.5
     along = camera.unproject(np.stack([u, v], -1), np.ones_like(u))
     expected = 500 + 300 * np.cos(np.arctan2(along[..., 1], along[..., 0]))
-    # A bilinear fetch of a cosine averaged over its texels.
+    # The error of a bilinear fetch of a cosine that was averaged over each texel.
     assert np.abs(canvas.planes[0] - expected).max() < 300 * 0.25 * (2 * math.pi * times / 256) ** 2 + 1
 
 

@@ -30,7 +30,7 @@ def make_camera(kind, w, h, *, has_invalid):
 
 
 def make_codes(rng, w, h, *, noise, steps, invalid, wraps=False):
-    """A bent plane with steps, noise and missing pixels; code 0 stands nowhere else."""
+    """A bent plane with steps, noise and missing pixels; only missing pixels have code 0."""
     v, u = np.mgrid[0:h, 0:w].astype(float)
     if wraps:
         u = 8 * np.sin(2 * np.pi * u / w)
@@ -46,7 +46,7 @@ def make_codes(rng, w, h, *, noise, steps, invalid, wraps=False):
 
 @st.composite
 def maps(draw, *, cuts=True):
-    """(camera, codes, edge in codes, rng): small views of both projections."""
+    """(camera, codes, edge in codes, rng) of small views in both projections."""
     kind = draw(st.sampled_from([FLAT, PARTIAL, WRAPPING]))
     w, h = draw(st.integers(2, 40)), draw(st.integers(2, 21))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -118,7 +118,7 @@ def test_merging_changes_nothing_of_what_is_covered(case, block, tolerance):
     mesh = triangulate(camera, codes, options(camera, edge, tolerance, block))
     q = quads(camera, codes, edge)
     np.testing.assert_array_equal(coverage(mesh, q), q.surface())
-    assert (areas(mesh) < 0).all()  # all wound alike
+    assert (areas(mesh) < 0).all()  # all have the same winding
 
 
 @quick
@@ -262,7 +262,7 @@ def test_rims_lie_on_their_pixel_or_half_way_to_a_neighbour(case, block):
     off = (uv - mesh.uv + camera.width / 2) % camera.width - camera.width / 2 if wraps(camera) else uv - mesh.uv
     np.testing.assert_allclose(off, 0, atol=2e-3)
     found = (1 / depth - camera.depth.offset) / camera.depth.step
-    for quarter in range(0, len(mesh.uv), 4):  # a pixel's centre, then the quarter's other corners
+    for quarter in range(0, len(mesh.uv), 4):  # a pixel's centre, followed by the quarter's other corners
         x, y = (mesh.uv[quarter] - 0.5).astype(int)
         dx, dy = np.sign(mesh.uv[quarter + 3] - mesh.uv[quarter]).astype(int)
         own = int(codes[y, x % camera.width])
@@ -350,7 +350,7 @@ def test_a_sequence_is_triangulated_as_its_frames_are(kind, size, block, toleran
         np.testing.assert_array_equal(flags, depth_cuts(camera, codes, chosen))
         handed_out.append((mesh, fresh, flags, flags.copy()))
         codes = changed_somewhere(rng, codes)
-    for mesh, fresh, flags, then in handed_out:  # nothing of them has changed since
+    for mesh, fresh, flags, then in handed_out:  # they have not changed since
         np.testing.assert_array_equal(mesh.points, fresh.points)
         np.testing.assert_array_equal(mesh.triangles, fresh.triangles)
         np.testing.assert_array_equal(flags, then)

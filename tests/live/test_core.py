@@ -1,4 +1,4 @@
-"""What a core has to do, whichever it is: in this process, or in one of its own."""
+"""The behaviour of every core, in this process or in one of its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A core in a process of its own: what is asked of it arrives there, what it says arrives here, and when it ends."""
+"""A core in a process of its own: requests arrive there, answers arrive here, and it ends when it should."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Buffers of frames: whose memory they are, when they are free again, and what another process may open."""
+"""Buffers of frames: who holds their memory, when they are free again, and which files another process may open."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the service asks of Python, and that it gives it back."""
+"""The settings of Python that the service changes, and that it restores them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The live engine's scheduling: what waits, what is dropped, what goes on when something fails."""
+"""The live engine's scheduling: which work waits, which is dropped, and that the rest continues after a failure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The preset `paper`: what the published algorithm does, counted and seen, and who can use it."""
+"""The preset `paper`: the steps of the published algorithm, by counts and pictures, and the commands that accept it."""
 
 from __future__ import annotations
 

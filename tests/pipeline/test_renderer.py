@@ -1,4 +1,4 @@
-"""Another renderer behind the same pipeline: a slow and readable one, which sees what the kernels show."""
+"""The same pipeline with another renderer, slow and readable, whose pictures agree with those of the kernels."""
 
 from __future__ import annotations
 

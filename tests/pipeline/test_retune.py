@@ -1,4 +1,4 @@
-"""Settings that change while the engine runs, and knobs of how often and how large."""
+"""Settings that change while the engine runs, and settings of the update interval and picture sizes."""
 
 from __future__ import annotations
 

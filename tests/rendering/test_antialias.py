@@ -1,4 +1,4 @@
-"""Anti-aliased silhouettes: coverage of a slanted edge, and nothing else touched."""
+"""Anti-aliased silhouettes: a slanted edge gets its coverage, and no other pixel changes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NEAR, FAR = 1.5, 5.0
 
 
 def slanted(camera):
-    """Something near and bright to the left of a slanted line, before a dark wall."""
+    """A view of a near bright surface to the left of a slanted line, in front of a dark wall."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     near = u / camera.width < 0.4 + 0.17 * v / camera.height
     luma = np.where(near, 900, 100).astype(np.uint16)
@@ -29,7 +29,7 @@ def slanted(camera):
 
 
 def rendered(projection, **settings):
-    """A picture from one view of four times its size, and the truth: what each of its pixels covers on average."""
+    """A picture from one view of four times its size, and the truth: the mean colour that each of its pixels covers."""
     source = Camera("source", projection.scaled(4.0), Pose((0.0, 0.0, 0.0)), CODING)
     view = slanted(source)
     engine = Engine([source], Settings(background=False, baseline_m=0.5, **settings))

@@ -1,4 +1,4 @@
-"""The backdrop behind the warped views: it fills holes, and is hidden where the present says otherwise."""
+"""The backdrop behind the warped views: it fills holes, and is hidden where present views see past it."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ HERE = Camera("here", PROJECTION, Pose(), CODING)
 
 
 def flat(depth, *, camera=HERE, luma=500):
-    """A view of a wall across the view axis, at a depth a pixel where an array is given; nan: nothing."""
+    """A view of a wall across the view axis; `depth`, m, may be an array with a value for each pixel; nan: no depth."""
     shape = (camera.height, camera.width)
     codes = camera.depth.codes(np.broadcast_to(np.asarray(depth, float), shape))
     return PreparedView(View(camera, texture_of(np.full(shape, luma)), codes), TriangulationOptions(0.0, 0.2), ORIGIN)
 
 
 def layered(live, backdrop, present, *, push=PUSH, curve=0.0):
-    """A canvas with a live wall, where there is one, and a backdrop behind it."""
+    """A canvas with a live wall, if `live` is given, and a backdrop behind it."""
     canvas, target = Canvas(HERE.width, HERE.height), Target(HERE, ORIGIN)
     if live is not None:
         canvas.draw(flat(live).mesh(), target, 0, 0.01, 0.0)
@@ -50,7 +50,7 @@ def test_holes_are_filled_and_the_backdrop_is_pushed_back():
 
 
 def test_without_present_views_only_depth_decides():
-    """What the view looks through is left out where it is asked, and drawn where it is not, before what is live."""
+    """A surface is left out if a present view sees past it; without such views it hides the live wall."""
     canvases = [layered(4.0, 3.0, 4.0), Canvas(HERE.width, HERE.height)]
     target = Target(HERE, ORIGIN)
     canvases[1].draw(flat(4.0).mesh(), target, 0, 0.01, 0.0)
@@ -64,14 +64,14 @@ def test_without_present_views_only_depth_decides():
 
 @pytest.mark.parametrize(("depth", "moved"), [(2.0, 0.1), (4.0, 0.32)])
 def test_the_push_follows_depth(depth, moved):
-    """0.1 m, or an error of 0.02 of disparity where that is more."""
+    """The push is 0.1 m, or an error of disparity of 0.02 (1/m) where that is more."""
     canvas = layered(None, depth, np.nan, curve=0.02)
     np.testing.assert_allclose(canvas.disparity[INNER], 1 / (depth + moved), rtol=1e-4)
 
 
 @pytest.mark.parametrize(("live", "hides"), [(7.5, False), (8.2, True)])
 def test_far_away_only_what_is_nearer_by_delta_there_hides(live, hides):
-    """A backdrop at 6 m is moved by 0.72 m, and must from there be nearer by 0.9 m and 3 %."""
+    """A backdrop at 6 m is pushed by 0.72 m; to hide a surface it must then be nearer by another 0.9 m and 3 %."""
     canvas = layered(live, 6.0, 6.0, curve=0.02)
     assert (canvas.winner[INNER] == (1 if hides else 0)).all()
 
@@ -96,7 +96,7 @@ def test_what_the_present_looks_through_is_a_ghost(present, ghost):
 
 
 def test_a_ghost_needs_all_texels_round_it():
-    """Near a hole or an edge of the present view nothing says that the past is gone."""
+    """Near a hole or an edge of the present view, nothing proves that the earlier surface is gone."""
     present = np.full((24, 32), 6.0)
     present[10:14, 10:14] = np.nan
     found = layered(None, 3.0, present).disparity > 0
@@ -140,7 +140,7 @@ def test_the_search_finds_what_a_view_has_on_a_ray(first):
     for y, x in np.ndindex(*depth.shape):
         found[y, x] = present_depth(view.table_row, int(view.addresses()[0]), eye.packed(), x, y, first)
     right = np.isclose(found, depth, rtol=0.01)
-    # Wrong are only pixels at the box's outline, and those between it and what the other camera sees beside it.
+    # Only pixels at the box's outline are wrong, and those between it and the surface that the other camera sees there.
     assert np.mean((found > 0) & ~right) < 0.02
     assert np.mean(right) > 0.85
     around = np.lib.stride_tricks.sliding_window_view(np.pad(depth, 1, mode="edge"), (3, 3))
@@ -152,7 +152,7 @@ def test_the_search_finds_what_a_view_has_on_a_ray(first):
 
 
 def behind_someone(present, drawn, *, live=None):
-    """A backdrop at 4 m; present views, of which some were drawn."""
+    """A canvas with a backdrop at 4 m; `present`: present views, of which those at the indices `drawn` were drawn."""
     canvas, target = Canvas(HERE.width, HERE.height), Target(HERE, ORIGIN)
     if live is not None:
         canvas.draw(flat(live).mesh(), target, 0, 0.01, 0.0)
@@ -166,7 +166,7 @@ def test_a_hole_shows_who_stands_there_now():
     canvas = behind_someone([flat(np.nan), flat(2.0, camera=far), flat(2.0, camera=near)], [0])
     middle = np.s_[1:-1, 2:-2]
     np.testing.assert_allclose(canvas.disparity[middle], 0.5, rtol=1e-4)
-    assert (canvas.winner[middle] == 4).all()  # the backdrop is 1, views follow; that nearest to the eye comes first
+    assert (canvas.winner[middle] == 4).all()  # 1 is the backdrop, then the other views, nearest to the eye first
 
 
 def test_a_hole_shows_the_backdrop_where_someone_hides_it_from_others_alone():
@@ -193,6 +193,6 @@ def test_only_a_confirmed_backdrop_hides_what_was_drawn(other, hides):
 
 
 def test_more_views_than_numbers():
-    """Views are numbered in a byte: the farthest of very many are not asked."""
+    """Views are numbered in a byte: of more views, the farthest are not used."""
     canvas = behind_someone([flat(np.nan)] * 300, [0, 1])
     assert (canvas.winner[INNER] == 2).all()

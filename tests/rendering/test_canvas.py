@@ -39,7 +39,7 @@ def target_camera(name, pose=POSE):
 
 
 def make_mesh(points, triangles):
-    """A mesh of world points; rasterising looks at points and triangles alone."""
+    """A mesh of world points; the rasteriser uses only points and triangles."""
     points = np.asarray(points, float) - ORIGIN
     return Mesh(points.astype(np.float32), np.zeros((len(points), 2), np.float32), np.array(triangles, np.int32))
 
@@ -56,7 +56,7 @@ def drawn(camera, *meshes, margin=0.0, near=NEAR):
 
 
 def soup(rng, count, eye, size):
-    """Triangles anywhere round the eye, both windings, no needles."""
+    """Triangles anywhere around the eye, with both windings, without needles."""
     middles = rng.standard_normal((count, 3))
     middles *= rng.uniform(0.5, 4, (count, 1)) / np.linalg.norm(middles, axis=1, keepdims=True)
     turn = np.arange(3) * 2 * math.pi / 3 + rng.uniform(0, 0.6, (count, 3))
@@ -69,7 +69,7 @@ def soup(rng, count, eye, size):
 
 
 def check_against_rays(camera, mesh, relative, near=NEAR):
-    """Compare a picture with the rays'; returns the share of pixels that were compared."""
+    """Compare a picture with one made by rays; returns the share of pixels that were compared."""
     nearest = near if isinstance(camera.projection, Perspective) else 0.0
     expected = zbuffer(camera, world_points(mesh), mesh.triangles, nearest)
     found = drawn(camera, mesh, near=near).disparity
@@ -93,7 +93,7 @@ def test_triangle_soup(name, size):
 
 
 def inside_of_a_box(camera, low=(-2.0, -3.0, -1.5), high=(4.0, 2.5, 1.5)):
-    """Depth codes of a box round the scene origin, seen from inside."""
+    """Depth codes of a box around the scene origin, seen from inside."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     start = np.array(camera.pose.position)
     rays = camera.unproject(np.stack([u, v], -1), np.ones_like(u)) - start
@@ -179,7 +179,7 @@ def test_nothing_nearer_than_the_near_plane_is_drawn():
 
 @pytest.mark.parametrize("name", ["perspective", "part of a sphere"])
 def test_bands_leave_no_seams(name):
-    """Any number of rows gives the same rows: how the picture is cut into bands does not show."""
+    """A band of any number of rows has the same pixels, so the bands do not show in the picture."""
     tall, mesh = target_camera(name), box_mesh(SPHERE)
     expected = drawn(tall, mesh).disparity
     for rows in (1, 2, 3, 15, 16, 17, 31, 32, 33, tall.height):

@@ -1,4 +1,4 @@
-"""Canvases that are kept: one a thread, used again, and no more of them than their bytes allow."""
+"""Kept canvases: one for each thread, reused, and no more than the limit in bytes allows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from support.rooms import camera_row, frame
 
 
 def use(pool, *sizes):
-    """Draw pictures of these sizes one after the other; the canvases that were lent."""
+    """Draw pictures of these sizes one after the other; returns the canvases that were lent."""
     lent = []
     for size in sizes:
         with pool.canvas(*size) as canvas:
@@ -75,5 +75,5 @@ def test_an_engine_keeps_no_more_whoever_it_renders_for():
     for width in range(24, 48, 2):
         engine.render(StereoView.symmetric(Pose(), width, 32, 1.2))
         assert 0 < renderer.canvases.idle_bytes <= 1_000_000
-    assert 24 * 2 * (24 * 32 + 48 * 64) * 22 > 1_000_000  # what a canvas for every size would take
+    assert 24 * 2 * (24 * 32 + 48 * 64) * 22 > 1_000_000  # bytes that a canvas for every size would take
     engine.close()

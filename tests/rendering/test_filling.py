@@ -1,4 +1,4 @@
-"""Disocclusion filling: nothing is left, nothing drawn is touched, far surfaces go on behind near ones."""
+"""Disocclusion filling: no hole is left, drawn pixels do not change, far surfaces continue behind near ones."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle.structure import continued
 
-UNSEEN = -1e6  # a colour that must not get into anything
+UNSEEN = -1e6  # a colour that must not leak into any pixel
 
 
 def picture(disparity, luma):
@@ -50,7 +50,7 @@ def test_every_hole_gets_a_colour_of_the_picture_and_nothing_drawn_changes(h, w,
     before, drawn = [plane.copy() for plane in planes], disparity > 0
     unchanged = disparity.copy()
     fill(disparity, planes, rise, structured=structured)
-    np.testing.assert_array_equal(disparity, unchanged)  # holes stay known
+    np.testing.assert_array_equal(disparity, unchanged)  # holes stay marked
     for plane, old in zip(planes, before, strict=True):
         np.testing.assert_array_equal(plane[drawn], old[drawn])
         assert plane.min() >= old[drawn].min() * (1 - 1e-5)
@@ -84,17 +84,17 @@ def test_a_hole_between_near_and_far_takes_the_far_colour(width, axis, flip):
 
 
 def test_structure_goes_on_into_a_narrow_hole():
-    """Stripes that run into a hole from both sides are there inside it too."""
+    """Stripes that run into a hole from both sides continue inside it."""
     luma = np.broadcast_to(np.where(np.arange(32) % 8 < 4, 200, 800)[:, None], (32, 32))
     disparity = np.full((32, 32), 0.5)
     disparity[:, 14:18] = 0.0
     found = filled(disparity, luma)[0]
-    inner = np.arange(32) % 4 % 3 != 0  # not beside a stripe's rim
+    inner = np.arange(32) % 4 % 3 != 0  # not next to a stripe's rim
     assert np.abs(found[inner] - luma[inner])[:, 14:18].max() < 120
 
 
 def behind_a_disc(angle, period, shift, radius=14, size=64):
-    """Stripes at an angle behind a disc that has moved right by `shift`: disparity, luma and its truth."""
+    """Stripes at an angle behind a disc that has moved right by `shift`: returns disparity, luma and true luma."""
     y, x = np.mgrid[0:size, 0:size] - size / 2.0
     stripes = 350 + 100 * np.sin(2 * math.pi / period * (y * math.cos(angle) - x * math.sin(angle)))
     disc, hole = np.hypot(y, x - shift) <= radius, np.hypot(y, x) <= radius
@@ -123,7 +123,7 @@ def test_the_colour_of_what_hides_a_hole_never_gets_into_it(mixed, shift):
         beside[:, :-1] |= hole[:, 1:]
         luma = np.where(beside & (disparity == 0.3), 0.5 * (stripes + 900), luma)
     rise = (1.5 - 0.3) / (shift + 2)  # the hole has corners
-    # What is smooth deep inside has a little of the rim.
+    # Smooth colours deep inside contain a little of the rim's.
     assert filled(disparity, luma, rise)[0][hole].max() < (560 if mixed else 452)
     continued, layer = continue_everywhere(disparity, luma, rise, 40)
     assert np.all(layer[hole] > 0)
@@ -149,7 +149,7 @@ def test_a_picture_without_holes_stays_as_it_is():
 
 
 def continue_everywhere(disparity, luma, rise, layers):
-    """Planes with as many layers of the holes coloured by the kernels as asked for, and which layer each is in."""
+    """Planes in which the kernels have coloured `layers` layers of the holes, and the layer of each pixel."""
     disparity, planes = picture(disparity, luma)
     holes = HoleMap.of(disparity)
     places, index = holes.listed(disparity)

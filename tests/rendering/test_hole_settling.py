@@ -1,4 +1,4 @@
-"""Filled holes that keep still: they settle while the head does, follow news, and are forgotten when it moves."""
+"""Filled holes settle while the head is still, follow changes of the scene, and are forgotten when the head moves."""
 
 from __future__ import annotations
 

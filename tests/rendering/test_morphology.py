@@ -13,7 +13,7 @@ BRIGHT, DARK = 900, 100
 
 
 def blended(near: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint16]]:
-    """Luma and chroma of a bright shape before a dark ground, blended."""
+    """Luma and chroma of a bright shape in front of a dark background, blended along the outline of `near`."""
     disparity = np.where(near, np.float32(NEAR), np.float32(FAR))
     marks, found = marked(disparity)
     luma = np.where(near, BRIGHT, DARK).astype(np.uint16)
@@ -32,14 +32,14 @@ def marked(disparity: npt.NDArray[np.float32], step: float = 0.1) -> tuple[npt.N
 
 
 def half_plane(h: int, w: int, slope: float, offset: float, samples: int) -> Floats:
-    """Coverage of each pixel by what lies above v = slope * u + offset."""
+    """Coverage of each pixel by the half plane above v = slope * u + offset."""
     at = (np.arange(samples) + 0.5) / samples
     v, u = (np.arange(h)[:, None] + at).ravel(), (np.arange(w)[:, None] + at).ravel()
     inside = v[:, None] < slope * u[None, :] + offset
     return inside.reshape(h, samples, w, samples).mean(axis=(1, 3))
 
 
-# Slopes whose phase against the pixels varies along the outline: what the phase is, a staircase does not tell.
+# Slopes whose phase relative to the pixels varies along the outline: a staircase does not reveal the phase.
 @pytest.mark.parametrize("slope", [0.3141, 0.1379, 0.0813, -0.2113, -0.0507])
 @pytest.mark.parametrize("upright", [False, True])
 def test_a_straight_outline_comes_close_to_its_coverage(slope: float, upright: bool) -> None:
@@ -51,12 +51,12 @@ def test_a_straight_outline_comes_close_to_its_coverage(slope: float, upright: b
     near = centre > 0.5
     luma, _ = blended(near)
     coverage = (luma.astype(float) - DARK) / (BRIGHT - DARK)
-    # Runs that the picture's border cuts have lost an end.
+    # Runs that the picture's border cuts off lack one end.
     inner = (slice(20, -20), slice(0, None)) if upright else (slice(0, None), slice(20, -20))
     error, aliased = (np.abs(c - exact)[inner] for c in (coverage, near.astype(float)))
     edge = (exact > 0)[inner] & (exact < 1)[inner]
     assert error[edge].mean() < 0.4 * aliased[edge].mean()
-    assert abs((coverage - exact)[inner][edge].mean()) < 0.02  # fattens nothing
+    assert abs((coverage - exact)[inner][edge].mean()) < 0.02  # shapes do not grow
 
 
 def test_upright_and_level_silhouettes_are_treated_alike() -> None:

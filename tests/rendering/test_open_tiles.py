@@ -1,4 +1,4 @@
-"""What cannot win is not drawn: tiles that stay open, and pictures with and without the rule."""
+"""Surfaces that cannot win are not drawn: tiles that stay open, and pictures with and without this rule."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from farside.engine.synth import make_twin, twin_frame
 
 
 def open_tiles(disparity, step):
-    """By the book, a pixel at a time."""
+    """The definition, one pixel after the other."""
     h, w = disparity.shape
     tiles = np.zeros((-(-h // TILE), -(-w // TILE)), np.uint8)
     for y in range(h):
@@ -31,7 +31,7 @@ def open_tiles(disparity, step):
 def test_open_tiles_have_a_hole_or_a_silhouette(shape):
     rng = np.random.default_rng(5)
     v, u = np.mgrid[0 : shape[0], 0 : shape[1]]
-    disparity = (0.5 + 0.01 * u + 0.004 * v).astype(np.float32)  # a slope is no silhouette
+    disparity = (0.5 + 0.01 * u + 0.004 * v).astype(np.float32)  # a slope is not a silhouette
     disparity[:, shape[1] * 2 // 3 :] += 0.3
     disparity[rng.random(shape) < 0.005] = 0.0
     tiles = np.full((-(-shape[0] // TILE), -(-shape[1] // TILE)), 7, np.uint8)
@@ -60,6 +60,6 @@ def test_pictures_are_as_good_as_from_drawing_everything(name, monkeypatch):
     full = picture()
     assert sparing.report.warped < 0.8 * full.report.warped
     assert np.array_equal(sparing.holes(), full.holes())
-    # What a later view alone has between the corners of a small triangle may be missed: the truth does not mind.
+    # Surfaces that only a later view has between a small triangle's corners may be missed: quality does not suffer.
     truth = twin.truth(camera, 0).texture
     assert iv_psnr(truth, sparing.texture) > iv_psnr(truth, full.texture) - 0.02

@@ -32,7 +32,7 @@ def rays(camera):
 
 
 def prepared(camera, depth, luma, options=OPTIONS):
-    """A view with the given depth and luma; chroma is an eighth of the luma of its first pixel, and that plus 9."""
+    """A view with the given depth and luma; Cb is an eighth of the luma of its first pixel, and Cr that plus 9."""
     luma = np.broadcast_to(np.rint(luma), (camera.height, camera.width)).astype(np.uint16)
     chroma = np.ascontiguousarray(luma[::2, ::2] // 8)
     codes = camera.depth.codes(np.broadcast_to(np.asarray(depth, float), luma.shape))
@@ -88,7 +88,7 @@ def test_a_plane_has_its_analytic_colour_from_any_place(blend):
         expected = pattern(at[..., 1], at[..., 2])
         inside = canvas.disparity > 0
         assert inside.mean() > 0.9
-        # A bilinear fetch of a linear pattern, within the rounding of codes; at a view's border, half a texel off.
+        # A bilinear fetch of a linear pattern is exact but for the rounding of codes, and for half a texel at a border.
         off = np.abs(canvas.planes[0] - expected)[inside]
         assert np.percentile(off, 95) < 0.8
         assert off.max() < 0.5 * 80 * 4.0 / FLAT.fx + 0.8
@@ -110,9 +110,9 @@ def test_a_view_that_sees_another_depth_contributes_nothing():
         if weight == 0.0:
             np.testing.assert_allclose(luma, 300, atol=1e-2)
         elif weight is None:
-            np.testing.assert_allclose(luma, 900, atol=1e-2)  # it hides the other
+            np.testing.assert_allclose(luma, 900, atol=1e-2)  # it hides the other view's surface
         else:
-            np.testing.assert_allclose(luma, 600, atol=5)  # both, at equal angles
+            np.testing.assert_allclose(luma, 600, atol=5)  # the mean of both, at equal angles
 
 
 def test_no_more_views_than_asked_for_contribute():
@@ -125,7 +125,7 @@ def test_no_more_views_than_asked_for_contribute():
 
 @pytest.mark.parametrize("y", [-0.13, 0.0, 0.07, 0.2])
 def test_colours_do_not_bleed_over_a_depth_edge(y):
-    """Near things are bright and far ones dark, in every view: nothing between them may come out."""
+    """In every view near surfaces are bright and far ones dark: no colour between them may appear."""
     column = np.arange(64)
     near = (column > 20) & (column < 40)
     depth, luma = np.where(near, 1.5, 5.0), np.where(near, 900, 100)
@@ -171,7 +171,7 @@ def test_what_was_not_drawn_is_left_alone():
 
 @pytest.mark.parametrize("size", [(33, 31), (31, 25), (35, 24), (64, 35)])
 def test_pictures_of_odd_size_have_the_views_chroma_to_their_last_pixel(size):
-    """Beyond the last column and row there are no directions: what a view would show there has no place."""
+    """Beyond the last column and row there are no directions, and a view's colours have no place there."""
     rng = np.random.default_rng(3)
     camera = camera_at()
     chroma = np.full((24, 32), 700, np.uint16)
@@ -215,7 +215,7 @@ def test_cubic_interpolation_is_keys():
     camera, depth = camera_at(), 4.0
     luma = rng.integers(64, 940, (camera.height, camera.width))
     view = prepared(camera, depth, luma)
-    target = camera_at(0.3 * depth / FLAT.fx)  # 0.3 pixels to the left: what it sees lies 0.3 pixels to the left
+    target = camera_at(0.3 * depth / FLAT.fx)  # 0.3 pixels to the left: its pixel x shows the view's x - 0.3
     canvas = shaded(target, [view], cubic=True)
     for y, x in ((10, 20), (11, 31), (30, 40)):
         shift = (target.pose.position[1] - camera.pose.position[1]) * FLAT.fx / depth
@@ -234,7 +234,7 @@ def test_cubic_interpolation_stays_within_the_codes():
 
 
 def test_mixed_texels_are_left_to_views_that_have_clean_ones():
-    """A wall behind a post whose outline was photographed half post, half wall: another view knows the wall there."""
+    """A wall behind a post whose outline pixels mix post and wall; another view sees only the wall there."""
     wall_luma, post_luma, mixed = 600, 100, 350
     depth = np.full((FLAT.height, FLAT.width), 4.0)
     depth[:, 28:36] = 2.0
@@ -244,7 +244,7 @@ def test_mixed_texels_are_left_to_views_that_have_clean_ones():
     canvas = shaded(camera_at(0.01), [first, second], blend=2)
     beside = canvas.planes[0][:, 38:42]  # the wall next to the post
     assert np.abs(beside - wall_luma).max() < 0.1 * (wall_luma - mixed)
-    # A view that is alone keeps what it saw.
+    # A single view keeps its own colours.
     alone = shaded(camera_at(), [first], blend=2).planes[0]
     np.testing.assert_allclose(alone[5:-5, [27, 36]], mixed, atol=1)
 
@@ -257,7 +257,7 @@ def surrounded(plane, value):
 
 
 def test_blocks_at_a_views_upper_border_read_nothing_above_it():
-    """A block of pixels may be rough a few rows inside a view, and its middle too near to the border for a cubic."""
+    """A block of pixels may be rough a few rows inside a view, while its middle is too near the border for a cubic."""
     camera = camera_at()
     luma = np.full((camera.height, camera.width), 500)
     luma[3:5, ::2] = 900  # between smooth rows

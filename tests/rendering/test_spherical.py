@@ -1,4 +1,4 @@
-"""Bounds of triangles on an equirectangular picture: nothing sticks out, and they are no wider than they need be."""
+"""Bounds of triangles on an equirectangular picture: no triangle exceeds them, and they are no wider than necessary."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SHARES = np.random.default_rng(5).dirichlet((0.4, 0.4, 0.4), 400)  # many near 
 
 
 def corners(size, elevation, seed):
-    """Directions [3, 3] of a triangle so large, round a direction at an elevation."""
+    """Directions [3, 3] of a triangle of `size` radians around a direction at `elevation`."""
     rng = np.random.default_rng(seed)
     azimuth = rng.uniform(-math.pi, math.pi)
     planar = math.cos(elevation)

@@ -1,4 +1,4 @@
-"""Where holes are, by tile: against counting pixels."""
+"""Tiles that contain holes, compared with counts of pixels."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_blocks_with_holes_and_those_round_them():
 
 
 def test_far_from_holes_nothing_is_asked_for_and_nothing_changes():
-    """A small hole gets the same colours from a picture of which most is passed over as from the part round it."""
+    """A small hole gets the same colours from a picture that is mostly skipped as from the part around the hole."""
     y, x = np.mgrid[0:640, 0:640]
     luma = (400 + 100 * np.sin(x / 9) + 60 * np.cos(y / 7)).astype(np.float32)
     disparity = np.full(luma.shape, 0.5, np.float32)
