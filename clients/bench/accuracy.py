@@ -34,9 +34,7 @@ def command(
         bool | None,
         typer.Option("--background/--no-background", help="With or without the background model (default: both)."),
     ] = None,
-    quality: Annotated[
-        str, typer.Option(help="fast, balanced, best or paper; several separated by commas.")
-    ] = "best",
+    quality: Annotated[str, typer.Option(help="fast, balanced, best or paper; several separated by commas.")] = "best",
     frames: Annotated[int | None, typer.Option(min=1, help="Most frames played (default 16).")] = None,
     every: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Every N-th frame is judged (default 15).")

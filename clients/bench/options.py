@@ -34,9 +34,7 @@ Frames = Annotated[int, typer.Option(min=1, help="Most frames played.")]
 Every = Annotated[int, typer.Option(metavar="N", min=1, help="Every N-th frame is judged.")]
 Quality = Annotated[str, typer.Option(help="fast, balanced, best, or paper (as published).")]
 Views = Annotated[int, typer.Option(min=1, help="Number of views from which a picture is rendered.")]
-Cameras = Annotated[
-    list[str] | None, typer.Option("--camera", help="A virtual camera (default: all inside the rig).")
-]
+Cameras = Annotated[list[str] | None, typer.Option("--camera", help="A virtual camera (default: all inside the rig).")]
 Background = Annotated[
     bool, typer.Option("--background/--no-background", help="Build and render the background model.")
 ]
