@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Playback:
-    """What to send, and how."""
+    """The recording to send, its source views, and the manner of sending."""
 
     recording: Recording
     sources: tuple[str, ...]

@@ -52,7 +52,7 @@ def _sweeps(rows: Sequence[Row], title: str) -> Table:
 
 
 def _summary(rows: Mapping[str, Sequence[Row]]) -> Table:
-    table = Table(title="automatic values beside the best; dB of what was hidden, of whole pictures for the last two")
+    table = Table(title="automatic values next to the best; dB of what was hidden, of whole pictures for the last two")
     for column in ("scene", "tolerance", "value", "follows from", "best", "off by", "holes", "ghosts"):
         table.add_column(column, justify="right" if column in ("best", "off by") else "left")
     for name, own in rows.items():

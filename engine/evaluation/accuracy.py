@@ -61,7 +61,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What a picture is made of: sequence, virtual camera, number of source views, model or not, and preset."""
+    """How a picture is made: sequence, virtual camera, number of source views, model or not, and preset."""
 
     sequence: str
     camera: str

@@ -80,7 +80,7 @@ def test_the_command_prints_tables_and_writes_figures(tmp_path, capsys, monkeypa
     tolerances.command(twins="frog", scale=0.03, quality="fast", report=tmp_path / "new")
     printed = capsys.readouterr().out
     assert "frog at scale 0.03, quality fast" in printed
-    assert "automatic values beside the best" in printed
+    assert "automatic values next to the best" in printed
     with (tmp_path / "new" / "tolerances.csv").open() as file:
         found = list(csv.DictReader(file))
     assert len(found) == 5 * 2 + 1

@@ -51,7 +51,7 @@ def core(request: pytest.FixtureRequest) -> Iterator[Core]:
 
 @pytest.fixture(scope="module")
 def engine() -> Iterator[Engine]:
-    """What a core does, done by hand."""
+    """An engine on which the work of a core is done by hand, for comparison."""
     engine = Engine(CAMERAS, SETTINGS, f_vin=25.0)
     for one in FRAMES:
         engine.update(one, {"a": HEAD, "b": ASIDE}, {"a": 0.5})

@@ -39,7 +39,7 @@ async def until(condition: Callable[[], bool]) -> None:
 
 
 class Screen:
-    """Where a viewer's pictures go: tags and frames, and sends that can be held up."""
+    """Receives a viewer's pictures: records their tags and frames; sends can be made to wait."""
 
     def __init__(self) -> None:
         self.seen: list[tuple[int, int]] = []

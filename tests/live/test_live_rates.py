@@ -19,7 +19,7 @@ TIMES = 100
 
 
 class Screen:
-    """What a viewer was sent: its pose's number and the frame."""
+    """Records the pairs that a viewer was sent, by the number of their pose and the frame."""
 
     def __init__(self) -> None:
         self.seen: list[tuple[int, int]] = []

@@ -60,7 +60,7 @@ def test_eyes_are_offset_to_the_left_and_to_the_right():
 
 
 def moving(*views):
-    """Where the one viewer looks, elsewhere each time that one asks."""
+    """A function that returns the only viewer's view; each call returns the next of `views`."""
     coming = list(views)
     return lambda: {"me": coming.pop(0)}
 

@@ -24,7 +24,7 @@ OTHERWISE = Settings(
 
 
 class Poison:
-    """What nobody may look at."""
+    """An object whose every use fails the test."""
 
     def _refuse(self, *asked):
         raise AssertionError(f"read from outside the front buffer: {asked}")

@@ -15,7 +15,7 @@ class Thing:
 
     @lazy
     def value(self) -> object:
-        """What it is."""
+        """The value, made at the first access."""
         self.made += 1
         self.asked.set()
         assert self.ready.wait(HANG_S)

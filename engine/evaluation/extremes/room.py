@@ -29,7 +29,7 @@ _WAVES = np.array([[1.7, 0.0, 1.1], [0.3, 1.9, -0.6], [-0.6, 0.9, 1.8]])  # rad/
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What a camera sees in each pixel [h, w].
+    """The sight of a camera, for each pixel [h, w].
 
     depth: z-depth or range, as its projection measures it, metres; inf for nothing. luma: codes. surface: number of the
     box; -1 for nothing.
@@ -56,7 +56,7 @@ class Room:
     walls: bool = True
 
     def look(self, camera: Camera) -> Sight:
-        """What a camera sees: the ray of each pixel's centre is intersected with every box (slab method)."""
+        """The sight of a camera: the ray of each pixel's centre is intersected with every box (slab method)."""
         v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
         axes = camera.projection.directions(np.stack([u, v], axis=-1)) @ camera.pose.rotation().T
         eye = np.asarray(camera.pose.position)
@@ -100,7 +100,7 @@ def texture_of(luma: F64) -> Texture:
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Where the room is in the world, and how large: world = pose (scale * room)."""
+    """Position, orientation and scale of the room in the world: world = pose (scale * room)."""
 
     scale: float = 1.0
     pose: Pose = field(default_factory=Pose)
