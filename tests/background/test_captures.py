@@ -7,13 +7,16 @@ import dataclasses
 import numpy as np
 import pytest
 from farside.engine.background.model import BackgroundModel
+from farside.engine.background.pbs import ProbableBackgroundSurface
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.io.mesh_files import srgb_from_ycbcr
 from farside.engine.kernels.base.tone import IDENTITY
 from farside.engine.rig.camera import Pose
 from farside.engine.rig.frame import Frame, View
 from farside.engine.settings import Settings
+from support.models import sheets
 from support.rooms import WALL_X, WALL_Y, camera_row, see, texture_of
+from support.slow_tracer import SlowTracer
 
 LATER_Y = 700
 GAP = np.s_[24:40, 36:60]  # where the first capture has no depth; the second sees it at about the same place
@@ -103,9 +106,26 @@ def test_a_camera_that_only_moved_keeps_its_first_capture_and_adds_nothing():
     assert set(np.unique(luma[~np.isnan(depth)])) == {WALL_Y}
 
 
-@pytest.mark.parametrize("number", [0, 1, 5])
-def test_each_surface_of_a_capture_is_a_geometry_of_its_own(number):
-    model = recaptured()[0]
-    found = {model._pbs._geometry(capture, static) for capture in range(6) for static in (True, False)}
-    assert len(found) == 12
-    assert model._pbs._geometry(number, True) != model._pbs._geometry(number, False)
+class Numbers(SlowTracer):
+    """A tracer that notes under which numbers surfaces are put."""
+
+    def __init__(self):
+        super().__init__()
+        self.taken = []
+
+    def set(self, geometry, surface):
+        self.taken.append(geometry)
+        super().set(geometry, surface)
+
+
+@pytest.mark.parametrize("cameras", [1, 3])
+def test_each_surface_of_a_capture_is_a_geometry_of_its_own(cameras):
+    tracer, (mesh, *_) = Numbers(), sheets(0)
+    pbs = ProbableBackgroundSurface(cameras, tracer)
+    surfaces = [(capture, static) for static in (True, False) for capture in range(4 * cameras)]
+    for _ in range(2):  # what is put again takes its own place
+        for capture, static in surfaces:
+            (pbs.set_static if static else pbs.set_progressive)(capture, capture % cameras, mesh)
+    first, second = np.split(np.array(tracer.taken), 2)
+    np.testing.assert_array_equal(first, second)
+    assert sorted(first) == list(range(len(surfaces)))  # and no number is left out

@@ -218,7 +218,7 @@ def test_what_lies_between_the_imaginary_camera_and_the_eyes_is_not_shown(standi
     cameras = camera_row()
     first = frame(0, cameras, box_y=0.0)
     model = model_of(cameras, first)
-    scene, settings = model._scene, model.settings
+    scene, settings = model.state().scene.scene(), model.settings
     views = [PreparedView(v, scene.triangulation(v.camera, settings), scene.origin) for v in first.views]
     camera = Camera("i", Perspective.from_fov(60, 40, 0.3), Pose((-0.2, 0.0, 0.0)), CODING)
     depths = {}

@@ -43,7 +43,7 @@ def walk(noise, moves=None):
 
 def everything(model, seen):
     """All that can be seen of a model, and what it keeps for itself, by name."""
-    scene, settings = model._scene, model.settings
+    scene, settings = model.state().scene.scene(), model.settings
     present = ViewTable([PreparedView(v, scene.triangulation(v.camera, settings), scene.origin) for v in seen.views])
     found = {}
     for name, projection in (("eye", None), ("sphere", Equirectangular(60, 40, (-0.5, 0.5), (-0.3, 0.3)))):

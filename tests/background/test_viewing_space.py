@@ -49,8 +49,9 @@ def test_the_far_side_of_a_wall_is_not_modelled_for_heads_on_this_side(ball, sid
     views = (wall_between((-2.0, 0.0, 0.0), 0.0), wall_between((2.0, 0.0, 0.0), math.pi))
     engine = Engine([view.camera for view in views], Settings.preset("balanced", viewing_space=ball))
     engine.update(Frame(0, views))
-    assert len(engine.model._pbs.static) == 2
-    assert sum(len(surface.mesh.triangles) > 0 for surface in engine.model._pbs.static.values()) == sides
+    static = [surface for surface in engine.model.state().surfaces if surface.static]
+    assert len(static) == 2
+    assert sum(len(surface.triangles) > 0 for surface in static) == sides
 
 
 # Two rooms: a partition at x = 3 that ends at y = 1. The cameras stand on both sides of its end, the heads behind it.

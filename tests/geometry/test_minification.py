@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from farside.engine.geometry.minification import MOST_LEVELS, Level, halved, level_for
-from farside.engine.geometry.prepared_view import PreparedView, ViewTable
+from farside.engine.geometry.prepared_view import PreparedView, ViewTable, pixels_per_radian
 from farside.engine.geometry.triangulation import TriangulationOptions, depth_cuts
 from farside.engine.kernels.geometry import minify
 from farside.engine.rendering.canvas import Canvas
@@ -16,6 +16,7 @@ from farside.engine.rendering.target import Target
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Texture, View
+from farside.engine.support.packed import HEIGHT, WIDTH
 from oracle.minify import halve
 
 ORIGIN = np.zeros(3)
@@ -45,6 +46,12 @@ def shaded(camera, view, *, prefilter=True, cubic=False):
     canvas.draw(view.mesh(), target, 0, 0.01, 1e-3)
     canvas.shade(target, ViewTable([view], drawn=1), 1, 3, cubic=cubic, prefilter=prefilter)
     return canvas
+
+
+def size_for(projection, view):
+    """Width and height of the view that a picture of this projection takes colours from."""
+    rows, _ = ViewTable([view], drawn=1).at(pixels_per_radian(camera_at(projection=projection)))
+    return rows[0, WIDTH], rows[0, HEIGHT]
 
 
 @pytest.mark.parametrize("cubic", [False, True])
@@ -96,7 +103,10 @@ def test_what_only_the_full_size_shows_is_taken_from_there():
     canvas = shaded(camera_at(projection=FLAT.scaled(0.5), yaw=1.0 / FLAT.fx), view)
     wall = (canvas.disparity > 0) & (canvas.disparity < 1 / 3)
     assert wall.sum() > 500
-    assert (view._levels[1].codes > CODING.codes(np.array(3.0))).all()
+    whole = view.view
+    planes = (whole.texture.y, whole.texture.cb, whole.texture.cr)
+    half = halved(Level(whole.camera, whole.codes, *planes, view.cuts), OPTIONS)
+    assert (half.codes > CODING.codes(np.array(3.0))).all()
     np.testing.assert_allclose(canvas.planes[0][wall], 100, atol=0.1)
 
 
@@ -108,7 +118,7 @@ def test_a_picture_that_is_hardly_coarser_is_left_alone(times):
     for prefilter in (False, True):
         view = prepared(camera_at(), 4.0, luma)
         pictures.append(shaded(camera_at(0.03, projection), view, cubic=True, prefilter=prefilter).planes)
-        assert not view._levels
+        assert size_for(projection, view) == (128, 96)
     for plain, same in zip(*pictures, strict=True):
         np.testing.assert_array_equal(plain, same)
 
@@ -121,7 +131,7 @@ def test_a_wrapping_picture_is_reduced_across_its_seam(times):
     camera = camera_at(projection=Perspective.from_fov(size, size, 2 * math.atan(0.5)), yaw=math.pi)
     canvas = shaded(camera, view)
     assert (canvas.disparity > 0).all()
-    assert len(view._levels) == 1 + round(math.log2(times))
+    assert size_for(camera.projection, view) == (256 / times, 128 / times)
     v, u = np.mgrid[0:size, 0:size] + 0.5
     along = camera.unproject(np.stack([u, v], -1), np.ones_like(u))
     expected = 500 + 300 * np.cos(np.arctan2(along[..., 1], along[..., 0]))
@@ -180,7 +190,7 @@ def test_odd_sizes_are_not_halved():
     assert halved(first, OPTIONS) is None
     view = prepared(camera_at(projection=Perspective.from_fov(66, 50, 1.2)), 4.0, 700)
     canvas = shaded(camera_at(projection=Perspective.from_fov(8, 6, 1.2)), view)
-    assert len(view._levels) == 2
+    assert size_for(Perspective.from_fov(8, 6, 1.2), view) == (33, 25)  # once halved: odd
     np.testing.assert_allclose(canvas.planes[0][canvas.disparity > 0], 700, atol=0.1)
 
 

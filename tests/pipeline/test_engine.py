@@ -9,9 +9,8 @@ import threading
 import numpy as np
 import pytest
 from farside.engine.evaluation.metrics import psnr
-from farside.engine.geometry import mesh
-from farside.engine.geometry.prepared_view import PreparedView
-from farside.engine.kernels.rendering.blocks import bound_blocks
+from farside.engine.geometry import mesh, prepared_view
+from farside.engine.geometry.triangulation import Triangulator
 from farside.engine.pipeline.engine import Engine
 from farside.engine.rig.camera import Perspective, Pose
 from farside.engine.rig.frame import Frame
@@ -72,11 +71,12 @@ def test_a_picture_makes_nothing_that_the_update_could_have_made(quality, monkey
     engine = Engine(cameras, Settings.preset(quality, n_render=2))
     before, after = (HEAD.moved(Pose.from_euler((0.0, y, 0.0), 0.3 * y, 0.0, 0.0)) for y in (0.5, -0.5))
     made = []
-    original = PreparedView._triangulate
-    monkeypatch.setattr(PreparedView, "_triangulate", lambda self, part: made.append(part) or original(self, part))
-    monkeypatch.setattr(mesh, "bound_blocks", lambda *given: made.append("spheres") or bound_blocks(*given))
+    bound, anew, again = mesh.bound_blocks, prepared_view.triangulate, Triangulator.triangulate
+    monkeypatch.setattr(mesh, "bound_blocks", lambda *given: made.append("spheres") or bound(*given))
+    monkeypatch.setattr(prepared_view, "triangulate", lambda *given, **how: made.append("mesh") or anew(*given, **how))
+    monkeypatch.setattr(Triangulator, "triangulate", lambda *given: made.append("surface") or again(*given))
     engine.update(frame(0, cameras, 0.0), {"me": before})
-    assert len(made) > 2
+    assert set(made) >= {"spheres", "surface"}
     assert set(engine.render(before, "me").left.report.views) != set(engine.render(after, "me").left.report.views)
     engine.update(frame(1, cameras, 0.1), moving(before, after))
     made.clear()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 from farside.engine.evaluation.metrics import iv_psnr
 from farside.engine.kernels.rendering.tiles import HOLE, SILHOUETTE, TILE, mark_open_tiles
 from farside.engine.pipeline.engine import Engine
 from farside.engine.rendering.rasteriser import Rasteriser
+from farside.engine.rendering.tiles import EVERYWHERE
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin, twin_frame
 
@@ -53,8 +56,10 @@ def test_pictures_are_as_good_as_from_drawing_everything(name, monkeypatch):
     sparing = picture()
     everywhere = Rasteriser.draw
 
-    def draw(self, mesh, target, number, near, margin, buffer, tiles, _open_tiles):
-        return everywhere(self, mesh, target, number, near, margin, buffer, tiles)
+    def draw(self, *given):
+        bound = inspect.signature(everywhere).bind(self, *given)
+        bound.arguments["open_tiles"] = EVERYWHERE
+        return everywhere(*bound.args, **bound.kwargs)
 
     monkeypatch.setattr(Rasteriser, "draw", draw)
     full = picture()
