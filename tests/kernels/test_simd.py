@@ -7,9 +7,10 @@ import operator
 import numba
 import numpy as np
 import pytest
-from farside.engine.kernels.base import memory, simd
+from farside.engine.kernels.base import memory, simd, simd_numpy
 from farside.engine.kernels.base.memory import load, store
 from farside.engine.kernels.base.simd import LANES, evens, maximum, minimum, odds, select, spread
+from farside.engine.kernels.base.vectors_numpy import Floats
 
 rng = np.random.default_rng(0)
 X, Y = rng.uniform(-9, 9, LANES).astype(np.float32), rng.uniform(1, 9, LANES).astype(np.float32)
@@ -75,6 +76,31 @@ def test_in_place():
 def test_comparisons_choose(compare):
     found = lanes(lambda x, y: select(compare(x, y), x, -100.0), X, Y)
     np.testing.assert_array_equal(found, np.where(compare(X, Y), X, np.float32(-100)))
+
+
+@pytest.mark.parametrize("compare", [operator.lt, operator.le, operator.gt, operator.ge, operator.eq, operator.ne])
+def test_what_is_no_number_compares_as_in_numpy(compare):
+    """It differs from everything, itself as well; nothing else is true of it: here, in NumPy, and in the twin of it."""
+    special = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0], np.float32)
+    x, y = (np.resize(array, 3 * LANES).reshape(3, LANES) for array in (special, np.repeat(special, 6)))
+    assert {(*pair,) for pair in zip(np.isnan(x.ravel()), np.isnan(y.ravel()), strict=True)} == {
+        (False, False), (False, True), (True, False), (True, True),
+    }  # fmt: skip
+    for one, other in zip(x, y, strict=True):
+        expected = compare(one, other)
+        found = lanes(lambda x, y: select(compare(x, y), spread(1.0), spread(0.0)), one, other)
+        np.testing.assert_array_equal(found, expected)
+        np.testing.assert_array_equal(compare(Floats(one), Floats(other)).lanes, expected)
+
+
+@pytest.mark.parametrize("kernel", [minimum, maximum])
+def test_of_a_number_and_none_the_second_is_taken(kernel):
+    x, y = X.copy(), Y.copy()
+    x[::3], y[1::3] = np.nan, np.nan
+    expected = np.where(x < y if kernel is minimum else x > y, x, y)
+    np.testing.assert_array_equal(lanes(lambda x, y: kernel(x, y), x, y), expected)
+    twin = simd_numpy.minimum if kernel is minimum else simd_numpy.maximum
+    np.testing.assert_array_equal(twin(Floats(x), Floats(y)).lanes, expected)
 
 
 def test_truths_combine():

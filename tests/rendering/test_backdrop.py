@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.triangulation import TriangulationOptions
+from farside.engine.kernels.base.view_table import EDGE, TOLERANCE, Views
+from farside.engine.kernels.rendering.backdrop import lay_backdrop
 from farside.engine.kernels.rendering.present import present_depth
+from farside.engine.kernels.rendering.records import DepthBuffer
 from farside.engine.rendering.canvas import Canvas
 from farside.engine.rendering.target import Target
-from farside.engine.rig.camera import Camera, Perspective, Pose
+from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import View
+from oracle.backdrop import Seen, lay
 from support.rooms import BOX_X, WALL_X, camera_row, see, texture_of
 
 ORIGIN = np.zeros(3)
@@ -196,3 +200,58 @@ def test_more_views_than_numbers():
     """Views are numbered in a byte: of more views, the farthest are not used."""
     canvas = behind_someone([flat(np.nan)] * 300, [0, 1])
     assert (canvas.winner[INNER] == 2).all()
+
+
+def scene(rng, projection):
+    """A backdrop, what was drawn, and three views, of planes and steps with holes, so that all may happen."""
+    eye = Camera("eye", projection, Pose.from_euler((-0.1, 0.03, 0.02), 0.02, -0.03, 0.05), CODING)
+    h, w = eye.height, eye.width
+
+    def surfaces(shape, depths, empty):
+        """Patches of flat and slanted surfaces."""
+        v, u = np.mgrid[0 : shape[0], 0 : shape[1]]
+        which = rng.choice(len(depths), (1 + shape[0] // 6, 1 + shape[1] // 7)).repeat(6, 0).repeat(7, 1)
+        depth = np.asarray(depths)[which[: shape[0], : shape[1]]] * (1 + 1e-3 * u - 2e-3 * v)
+        return np.where(rng.random(shape) < empty, np.nan, depth)
+
+    backdrop = np.nan_to_num(1 / surfaces((h, w), (3.0, 3.5, 4.5), 0.1)).astype(np.float32)
+    live = np.nan_to_num(1 / surfaces((h, w), (2.0, 3.6, 5.5, 8.0, 8.0, np.nan), 0.1)).astype(np.float32)
+    cameras = [
+        Camera(f"v{k}", PROJECTION, Pose.from_euler((0.0, y, 0.1 * k), -0.05 * y, 0.0, 0.1 * k), CODING)
+        for k, y in enumerate((-0.4, 0.1, 0.5))
+    ]
+    present = [flat(surfaces((24, 32), (2.0, 3.1, 3.6, 4.5, 6.0), 0.02), camera=camera) for camera in cameras]
+    return eye, backdrop, live, present
+
+
+NARROW = Perspective.from_fov(11, 40, 0.4)  # narrower than sixteen pixels, which are looked at together
+SPHERE = Equirectangular(37, 26, (-0.6, 0.65), (-0.45, 0.4))
+
+
+@pytest.mark.parametrize("order", [(), (2, 1), (0, 1, 2)], ids=["all drawn", "two not drawn", "none drawn"])
+@pytest.mark.parametrize("projection", [PROJECTION, SPHERE, NARROW], ids=["flat", "sphere", "narrow"])
+@pytest.mark.parametrize("delta", [(0.1, 0.0), (0.02, 0.02)])
+def test_every_pixel_is_that_of_the_slow_twin(projection, order, delta):
+    eye, backdrop, live, present = scene(np.random.default_rng(0), projection)
+    table, views = ViewTable(present), []
+    for view, row in zip(present, table.rows, strict=True):
+        views.append(Seen(view.view.camera, view.view.codes, row[EDGE], row[TOLERANCE]))
+    drawn = live, np.where(live > 0, 1, 0).astype(np.uint8)
+    number, push = 5, (0.5 * delta[0], 0.5 * delta[1])
+    expected = [
+        lay(eye, backdrop, drawn, views, order, push, (share * delta[0], share * delta[1]), number)
+        for share in (1.0, 0.999, 1.001)
+    ]
+    sure = (expected[0][1] == expected[1][1]) & (expected[0][1] == expected[2][1])
+    assert sure.mean() > 0.98
+    found = DepthBuffer(*(plane.copy() for plane in drawn))
+    lay_backdrop(
+        backdrop.copy(), eye.packed(), Views(table.rows, table.addresses), np.array(order, np.int64), push, delta,
+        number, found,
+    )  # fmt: skip
+    np.testing.assert_array_equal(found.winner[sure], expected[0][1][sure])
+    np.testing.assert_allclose(found.disparity[sure], expected[0][0][sure], rtol=2e-5)
+    if projection is not NARROW:  # which shows little
+        holes = {0, number, *(number + 1 + k for k in order)}  # left; the backdrop; what stands there now
+        assert set(found.winner[live == 0]) == holes
+        assert set(found.winner[live > 0]) == {1, number}

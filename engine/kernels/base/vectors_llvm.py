@@ -111,7 +111,8 @@ def _define_operators() -> None:
             _define(name, _instruction(name), kind, kind, kind)
     _define("invert", _instruction("not_"), MASK, MASK)
     for name, sign in {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}.items():
-        _define(name, _comparison("fcmp_ordered", sign), MASK, FLOATS, FLOATS)
+        # As IEEE 754 has it: what is no number differs from everything, and compares with nothing.
+        _define(name, _comparison("fcmp_unordered" if name == "ne" else "fcmp_ordered", sign), MASK, FLOATS, FLOATS)
         _define(name, _comparison("icmp_signed", sign), MASK, INTEGERS, INTEGERS)
 
 

@@ -90,8 +90,7 @@ class Floats:
         return Mask(self.lanes == as_floats(other))
 
     def __ne__(self, other: Floats | Number) -> Mask:  # type: ignore[override]
-        values = as_floats(other)  # "ordered and not equal", as in compiled code: false where one is NaN
-        return Mask((self.lanes < values) | (self.lanes > values))
+        return Mask(self.lanes != as_floats(other))
 
     __hash__ = None  # type: ignore[assignment]
     __array_priority__ = 1.0  # a NumPy number on the left leaves the operation to this class
