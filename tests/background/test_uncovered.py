@@ -11,10 +11,13 @@ from farside.engine.background.pbi import enlarged, uncovered_cells
 from farside.engine.geometry.prepared_view import PreparedView
 from farside.engine.geometry.triangulation import TriangulationOptions
 from farside.engine.kernels.background.uncovered import CELL
+from farside.engine.kernels.geometry.cuts import BROKEN
 from farside.engine.rendering.canvas import Canvas
 from farside.engine.rendering.target import Target
-from farside.engine.rig.camera import Equirectangular, Pose
-from support.rooms import CODING, camera_row, see
+from farside.engine.rig.camera import Equirectangular, Perspective, Pose
+from farside.engine.rig.frame import View
+from oracle.uncovered import uncovered
+from support.rooms import CODING, camera_row, see, texture_of
 
 ORIGIN = np.zeros(3)
 REACH = 0.08
@@ -24,7 +27,8 @@ PROJECTIONS = {"perspective": None, "sphere": Equirectangular(330, 230, (-0.7, 0
 def prepared(camera, box_y, *, spoiled=False):
     view = see(camera, box_y)
     if spoiled:  # a patch without depth
-        view.codes[70:100, 50:75] = 0
+        h, w = view.codes.shape
+        view.codes[h // 3 : h // 2, w // 6 : w // 4] = 0
     return PreparedView(view, TriangulationOptions(0.0, 0.1), ORIGIN)
 
 
@@ -67,3 +71,37 @@ def test_what_no_view_sees_is_wanted_and_a_wall_is_not():
     assert uncovered_cells(cameras[1], [view], 0.05, ORIGIN)[8:-8, 8:-8].max() == 0
     away = dataclasses.replace(cameras[1], pose=Pose.from_euler((0, 0, 0), np.pi, 0, 0))
     assert uncovered_cells(away, [view], 0.05, ORIGIN).min() == 1
+
+
+WALL_ROUND = Equirectangular(256, 128, (-np.pi, np.pi), (-np.pi / 2, np.pi / 2))
+LENSES = {"large": (320, 214), "odd": (97, 67), "of two blocks": (33, 18), "of one": (12, 10)}
+
+
+def room_round(camera):
+    """A ball's inside with a step in it, as an all-round camera in its middle sees it: the picture has no side."""
+    azimuth = np.pi - (np.arange(camera.width) + 0.5) / camera.width * 2 * np.pi
+    depth = np.where(np.abs(azimuth - 2.9) < 0.1, 2.0, 4.0) * np.ones((camera.height, 1))
+    luma = np.full(depth.shape, 500)
+    return PreparedView(View(camera, texture_of(luma), CODING.codes(depth)), TriangulationOptions(0.0, 0.1), ORIGIN)
+
+
+@pytest.mark.parametrize("reach", [0.0, 0.02, 0.1, 0.5])
+@pytest.mark.parametrize("projection", PROJECTIONS)
+@pytest.mark.parametrize("lens", [*LENSES, "all round"])
+def test_cells_are_those_of_the_slow_twin(lens, projection, reach):
+    cameras = camera_row(3, LENSES.get(lens, (320, 214)))
+    chosen = PROJECTIONS[projection] or Perspective.from_fov(150, 101, 1.2)
+    if lens == "all round":
+        round_about = dataclasses.replace(cameras[0], projection=WALL_ROUND, pose=Pose())
+        views = [room_round(round_about)]
+    else:
+        views = [prepared(camera, 0.1, spoiled=lens in ("large", "odd")) for camera in cameras[:2]]
+    if lens == "large":
+        views[0].view.codes[40:60, 81:90] = 0  # a cut beside a block's last column
+    head = Pose.from_euler((-0.1, 0.05, 0.03), 0.05 if lens != "all round" else np.pi, 0.03, 0.1)
+    camera = enlarged(dataclasses.replace(cameras[0], pose=head, projection=chosen), CODING)
+    broken = [view.cuts & BROKEN != 0 for view in views]
+    expected = uncovered([view.view for view in views], broken, camera, reach)
+    np.testing.assert_array_equal(uncovered_cells(camera, views, reach, ORIGIN), expected)
+    if lens in ("large", "all round") and reach < 0.1:
+        assert 0 < expected.mean() < 1
