@@ -5,12 +5,15 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
-import time
 from collections.abc import Awaitable, Callable
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from farside.engine.live import engine as live_engine
+from farside.engine.live import timing
 from farside.engine.live.back_buffer import BackBuffer, OrderError
 from farside.engine.live.core import CoreLostError, Source
 from farside.engine.live.engine import Live
@@ -19,6 +22,7 @@ from farside.engine.live.update_priority import FIRM, GENTLE, Patience
 from farside.engine.live.viewer import HeadPose, LiveViewer
 from farside.engine.rig.camera import Camera, Pose
 from farside.engine.rig.viewer import EncodedPair, StereoView
+from support.clocks import Clock
 from support.doubles import CAMERAS, HANG_S, Cores, FakeCore, Gate, a_frame, a_view
 
 SOURCE = Source("test", 30.0, CAMERAS)
@@ -433,8 +437,7 @@ def test_a_viewer_that_tells_what_it_has_seen_has_few_pictures_under_way() -> No
 
                 async def show(tag: int, seen: int, pictures: int) -> None:
                     viewer.look(HeadPose(Pose(), tag / 100, tag, None, seen))
-                    for _ in range(20):
-                        await asyncio.sleep(0.005)
+                    await until(lambda: not viewer.wake.is_set() and len(screen.seen) == viewer.rendered)
                     assert len(screen.seen) == pictures
 
                 await show(1, 0, 1)
@@ -549,25 +552,49 @@ def test_shutdown_waits_for_the_update_and_leaves_no_thread_and_no_future_behind
     run(scenario)
 
 
-def test_a_blocked_loop_is_noticed_and_charged_to_the_update_that_ran() -> None:
+def test_a_blocked_loop_is_noticed_and_charged_to_the_update_that_ran(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By clocks of its own: each sleep of the monitor is as late, with so much waiting and work, as the table says."""
+    wall, busy, updates, waited_s = Clock(), Clock(), Activity(), 0.0
+    sleeps = iter([  # late by, of which its thread waited for a core; its thread's own work; seconds
+        (0.0, 0.0, 0.001, False), (0.06, 0.0, 0.02, True), (0.2, 0.05, 0.03, False), (0.1, 0.2, 0.0, False),
+    ])  # fmt: skip
+
+    async def sleep(seconds: float) -> None:
+        nonlocal waited_s
+        late, waiting, work, updating = next(sleeps, (0.0, 0.0, 0.0, None))
+        if updating is None:
+            raise asyncio.CancelledError
+        with updates.running() if updating else nullcontext():
+            wall.advance(late)
+        wall.advance(seconds)
+        busy.advance(work)
+        waited_s += waiting
+
+    linux = SimpleNamespace(
+        open=lambda path, _flags: len(path), close=lambda _file: None, O_RDONLY=os.O_RDONLY,
+        pread=lambda _file, _count, _offset: f"77 {round(1e9 * waited_s)} 5\n".encode(),
+    )  # fmt: skip
+    monkeypatch.setattr(timing, "time", SimpleNamespace(monotonic=wall.read, thread_time=busy.read))
+    monkeypatch.setattr(timing, "asyncio", SimpleNamespace(sleep=sleep))
+    monkeypatch.setattr(timing, "os", linux)
+    monitor = StallMonitor(updates, 0.005)
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(monitor.run())
+    expected = {
+        "longest_stall_ms": 200.0, "longest_stall_during_update_ms": 60.0,
+        "longest_own_stall_ms": 150.0, "longest_own_stall_during_update_ms": 60.0,
+        "longest_busy_ms": 30.0, "longest_busy_during_update_ms": 20.0, "loop_busy_s": 0.051,
+    }  # fmt: skip
+    assert monitor.summary() == {name: pytest.approx(value) for name, value in expected.items()}
+
+
+def test_what_linux_counts_can_be_read() -> None:
     async def scenario() -> None:
-        updates = Activity()
-        monitor = StallMonitor(updates, 0.001)
+        monitor = StallMonitor(Activity(), 0.0)
         task = asyncio.create_task(monitor.run())
-        await asyncio.sleep(0.01)
-        with updates.running():
-            time.sleep(0.06)  # on the loop's thread: the fault that is to be seen
-        await asyncio.sleep(0.01)
-        during_update = monitor.summary()["longest_stall_during_update_ms"]
-        time.sleep(0.2)
-        await asyncio.sleep(0.01)
-        summary = monitor.summary()
-        assert during_update >= 55
-        assert summary["longest_stall_ms"] >= 195
-        assert summary["longest_stall_during_update_ms"] == during_update
-        assert 0.5 * 195 < summary["longest_own_stall_ms"] <= summary["longest_stall_ms"]  # it slept
-        assert 0 < summary["longest_busy_ms"] < 195
-        assert 0 < summary["loop_busy_s"] < 0.26
+        while monitor.summary()["loop_busy_s"] == 0.0 and not task.done():
+            await asyncio.sleep(0)
+        assert not task.done()
         task.cancel()
 
     run(scenario)
@@ -575,7 +602,7 @@ def test_a_blocked_loop_is_noticed_and_charged_to_the_update_that_ran() -> None:
 
 def test_the_longest_is_that_of_the_seconds_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     now = 100.0
-    monkeypatch.setattr("farside.engine.live.timing.time.monotonic", lambda: now)
+    monkeypatch.setattr(timing, "time", SimpleNamespace(monotonic=lambda: now))
     longest = Longest(keep_s=3)
     assert longest.over() == 0
     for now, milliseconds in ((100.0, 50.0), (101.5, 3.0), (101.9, 2.0), (103.0, 7.0)):  # noqa: B007 (it is the clock)
@@ -590,25 +617,36 @@ def test_the_longest_is_that_of_the_seconds_asked_for(monkeypatch: pytest.Monkey
     assert longest.over() == 7  # three seconds are kept
 
 
-def test_something_runs_until_its_last_part_has_ended() -> None:
-    activity = Activity()
-    before = time.monotonic()
-    assert not activity.since(before)
+def test_something_runs_until_its_last_part_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, activity = Clock().instead_of(monkeypatch, timing), Activity()
+    assert not activity.since(clock.now)
     with activity.running():
         with activity.running():
-            pass
-        assert activity.since(time.monotonic() + 1)
-    assert activity.since(before)
-    assert not activity.since(time.monotonic() + 1)
+            clock.advance(1.0)
+        clock.advance(1.0)
+        assert activity.since(clock.now + 1)
+    ended = clock.now
+    clock.advance(1.0)
+    assert activity.since(ended)
+    assert not activity.since(ended + 0.01)
 
 
-def test_status_tells_rates_stages_and_counts() -> None:
+def test_status_tells_rates_stages_and_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that frames move on by a quarter of a second, and pictures by the eighth that they take."""
+    clock = Clock().instead_of(monkeypatch, timing, live_engine)
+
+    class Clocked(FakeCore):
+        def picture(self, *given: Any) -> EncodedPair:
+            clock.advance(0.125)
+            return super().picture(*given)
+
     async def scenario() -> None:
         screen = Screen()
-        async with Live(FakeCore) as live:
+        async with Live(Clocked) as live:
             assert live.status()["source"] is None
             await live.open(SOURCE)
             for i in range(3):
+                clock.advance(0.25)
                 await live.offer(a_frame(i))
             with live.viewer("a", VIEW) as viewer:
                 watching = screen.watch(viewer)
@@ -620,13 +658,14 @@ def test_status_tells_rates_stages_and_counts() -> None:
             assert status["source"] == {"name": "test", "fps": 30.0, "cameras": ["v0", "v1"]}
             assert status["frames"] == {"updated": 3, "dropped": 0, "failed": 0}
             assert status["viewers"]["a"]["rendered"] == 3
-            assert status["rates"]["f_vin"] > 0
-            assert status["rates"]["f_ren"] > 0
+            assert status["rates"] == {"f_vin": pytest.approx(4.0), "f_ren": pytest.approx(8.0)}
             assert {"update.background", "update.total", "render.warp", "render.encode"} <= set(
                 status["stages_ms"]
             )
             assert status["engine"] == {"frame_index": 2}
-            assert 0 < status["stages_ms"]["picture"]["p50"] <= status["pictures"]["longest_picture_ms"]
+            assert status["stages_ms"]["update.total"] == {"p50": 2.0, "p95": 2.0}  # as the core says
+            assert status["stages_ms"]["picture"]["p50"] == pytest.approx(125.0)
+            assert status["pictures"]["longest_picture_ms"] == pytest.approx(125.0)
 
     run(scenario)
 
@@ -640,11 +679,14 @@ def test_timings_are_percentiles_of_the_newest() -> None:
     }
 
 
-def test_rate_forgets() -> None:
-    rate = Rate(window_s=0.05)
+def test_rate_forgets(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, rate = Clock().instead_of(monkeypatch, timing), Rate(window_s=5.0)
     assert rate.per_second() == 0
-    for _ in range(3):
+    for seconds in (0.0, 0.5, 1.5):
+        clock.advance(seconds)
         rate.count()
-    assert rate.per_second() > 0
-    time.sleep(0.06)
-    assert rate.per_second() == 0
+    assert rate.per_second() == pytest.approx(2 / 2.0)
+    clock.advance(3.25)  # the first was longer ago than five seconds
+    assert rate.per_second() == pytest.approx(1 / 1.5)
+    clock.advance(1.0)
+    assert rate.per_second() == 0  # a single one tells no rate

@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from farside.clients.connection import connect
+from farside.engine.rig.camera import Pose
 from farside.engine.rig.viewer import StereoView
 from farside.server.pictures import encode_view
 from farside.server.protocol import FrameDone, SourceHello
 from PIL import Image
-from support.doubles import CAMERAS, FakeCore, a_frame
+from support.doubles import CAMERAS, Cores, FakeCore, a_frame
 from support.serving import running
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -26,9 +27,20 @@ FLAGS = (
     "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync"
 )
-HANG_MS = 60_000
+HANG_MS, POLL_MS = 60_000, 5
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytestmark = pytest.mark.skipif(not CHROMIUM.exists(), reason=f"there is no {CHROMIUM} (apt-get install chromium)")
+
+
+FORWARD_M = 0.2  # that the head is moved by, at least
+RADIANS_A_PIXEL = 0.004  # that the mouse turns it by
+BRIGHTER = 255 / 876  # of a screen, for a luma code
+
+
+def shade(pose: Pose) -> float:
+    """Luma in the middle of a picture: the farther forward and the more to the left, the brighter."""
+    ahead = pose.rotation()[:, 0]
+    return 500 + 200 * math.tanh(2 * pose.position[0]) + 100 * math.atan2(ahead[1], ahead[0])
 
 
 class Ramp(FakeCore):
@@ -36,11 +48,9 @@ class Ramp(FakeCore):
 
     def paint(self, view: StereoView):
         eyes = super().paint(view)
-        ahead = view.pose.rotation()[:, 0]
-        shade = 500 + 200 * math.tanh(2 * view.pose.position[0]) + 100 * math.atan2(ahead[1], ahead[0])
         for eye in eyes:
             ramp = np.linspace(-60, 60, view.left.width).astype(np.int64)
-            eye.y[:] = np.clip(int(shade) + ramp, 64, 940)
+            eye.y[:] = np.clip(int(shade(view.pose)) + ramp, 64, 940)
         return eyes
 
 
@@ -92,7 +102,8 @@ def wait_shown(page: sync_api.Page, pictures: int) -> None:
 def test_it_shows_the_stream_and_keys_and_mouse_move_the_head(page: sync_api.Page) -> None:
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
-    with running(Ramp) as url, playing(url):
+    cores = Cores(Ramp)
+    with running(cores) as url, playing(url):
         page.goto(url)
         wait_shown(page, 3)
         first = shot(page)
@@ -101,12 +112,20 @@ def test_it_shows_the_stream_and_keys_and_mouse_move_the_head(page: sync_api.Pag
         assert "frame 6" in page.text_content("#figures")
         assert page.text_content("#message") == ""
 
-        page.keyboard.down("KeyW")  # forward: brighter by 200 tanh(2 x)
-        page.wait_for_function("farside.seen > 0 && farside.moved > 0")
-        page.wait_for_timeout(800)
+        (core,) = cores.made
+        start = core.rendered[-1].pose
+
+        page.keyboard.down("KeyW")
+        for _ in range(HANG_MS // POLL_MS):  # the page's events are handled meanwhile
+            if core.rendered[-1].pose.position[0] >= start.position[0] + FORWARD_M:
+                break
+            page.wait_for_timeout(POLL_MS)
         page.keyboard.up("KeyW")
         forward = settled(page)
-        assert forward.mean() > first.mean() + 5
+        there = core.rendered[-1].pose
+        assert there.position[0] >= start.position[0] + FORWARD_M
+        assert there.position[1:] == pytest.approx(start.position[1:], abs=1e-9)
+        assert forward.mean() - first.mean() == pytest.approx(BRIGHTER * (shade(there) - shade(start)), abs=1.5)
 
         page.click("#home")
         assert abs(settled(page).mean() - first.mean()) < 1
@@ -114,7 +133,11 @@ def test_it_shows_the_stream_and_keys_and_mouse_move_the_head(page: sync_api.Pag
         page.mouse.down()
         page.mouse.move(500, 300, steps=5)  # the scene is dragged to the right: the head turns to the left
         page.mouse.up()
-        assert settled(page).mean() > first.mean() + 3
+        turned = settled(page)
+        ahead = core.rendered[-1].pose.rotation()[:, 0]
+        assert math.atan2(ahead[1], ahead[0]) == pytest.approx(100 * RADIANS_A_PIXEL, abs=1e-6)
+        brighter = BRIGHTER * (shade(core.rendered[-1].pose) - shade(start))
+        assert turned.mean() - first.mean() == pytest.approx(brighter, abs=1.5)
 
         page.select_option("#eyes", "both")
         assert settled(page).shape == (480, 1280)
