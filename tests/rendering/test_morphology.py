@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from farside.engine.kernels.rendering.morphology import DOWN, RIGHT, SPAN, blend_steps, mark_steps
+from farside.engine.rendering.antialiasing import smooth_outlines
+from farside.engine.rig.frame import Texture
 
 Floats = npt.NDArray[np.float64]
 NEAR, FAR = 0.8, 0.2  # disparities
@@ -99,3 +101,23 @@ def test_small_pictures(shape: tuple[int, int]) -> None:
     assert luma.shape == shape
     assert luma.min() >= DARK - 1
     assert luma.max() <= BRIGHT + 1
+
+
+@pytest.mark.parametrize("shape", [(24, 31), (1, 40), (40, 1), (7, 130)])
+def test_a_picture_is_smoothed_as_its_planes_are_and_kept_where_there_is_no_outline(shape: tuple[int, int]) -> None:
+    h, w = shape
+    near = half_plane(h, w, 0.3141, 0.4 * h, 1) > 0.5
+    disparity = np.where(near, np.float32(NEAR), np.float32(FAR))
+    luma = np.where(near, BRIGHT, DARK).astype(np.uint16)
+    chroma = np.ascontiguousarray(luma[::2, ::2])
+    before = Texture(luma, chroma, chroma + np.uint16(1))
+    kept = [plane.copy() for plane in (before.y, before.cb, before.cr)]
+    after = smooth_outlines(before, disparity, 0.1)
+    expected_luma, expected_chroma = blended(near)
+    np.testing.assert_array_equal(after.y, expected_luma)
+    np.testing.assert_array_equal(after.cb, expected_chroma)
+    np.testing.assert_array_equal(after.cr, expected_chroma + np.uint16(1))
+    assert min(h, w) == 1 or (after.y != luma).any()
+    for plane, copy in zip((before.y, before.cb, before.cr), kept, strict=True):
+        np.testing.assert_array_equal(plane, copy)
+    assert smooth_outlines(before, disparity, NEAR - FAR + 0.01) is before

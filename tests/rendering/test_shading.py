@@ -271,3 +271,24 @@ def test_blocks_at_a_views_upper_border_read_nothing_above_it():
             other = PreparedView(dataclasses.replace(view, texture=texture), OPTIONS, ORIGIN)
             chroma.append(shaded(target, [other], cubic=True).planes[1])
         np.testing.assert_array_equal(*chroma)
+
+
+@pytest.mark.parametrize("cubic", [False, True])
+@pytest.mark.parametrize("blend", [1, 3])
+@pytest.mark.parametrize("size", [(1, 1), (1, 24), (2, 23), (3, 7), (32, 1), (15, 3), (17, 2)])
+def test_pictures_narrower_than_what_is_shaded_together(size, blend, cubic):
+    """Of a wall with a slope of luma: cells are of several pixels both ways, vectors of sixteen."""
+
+    def luma(y, z):
+        return 500 + 200 * y - 100 * z
+
+    w, h = size
+    lens = Perspective(w, h, FLAT.fx, FLAT.fy, 0.5 * w, 0.5 * h)
+    camera = camera_at(0.03, lens, "eye")
+    canvas = shaded(camera, [wall(camera_at(), luma), wall(camera_at(0.1, name="w"), luma)], blend=blend, cubic=cubic)
+    assert (canvas.disparity > 0).all()
+    along = rays(camera)
+    at = np.array(camera.pose.position) + 4.0 / along[..., :1] * along
+    # Half a code is lost where texels were rounded; cubic convolution exaggerates it by at most a quarter.
+    np.testing.assert_allclose(canvas.planes[0], luma(at[..., 1], at[..., 2]), atol=0.625 if cubic else 0.501)
+    np.testing.assert_allclose(canvas.planes[2] - canvas.planes[1], 9, atol=1e-3)

@@ -27,6 +27,7 @@ from farside.engine.rig.camera import Pose
 from farside.engine.rig.frame import Frame
 from farside.engine.rig.viewer import home_pose
 from farside.server import ingest, protocol
+from farside.server.export import MEDIA_TYPES
 from farside.server.pictures import decode_texture, encode_view
 from farside.server.protocol import (
     BufferFree,
@@ -242,6 +243,10 @@ def test_status_metrics_and_mesh(url: str, monkeypatch: pytest.MonkeyPatch) -> N
     assert f'farside_stage_ms{{quantile="0.95",stage="ingest"}} {TICK_MS}' in metrics
     for name in StallMonitor(Activity()).summary():
         assert f"\nfarside_{name} " in metrics
+    for name, media in MEDIA_TYPES.items():
+        with urllib.request.urlopen(f"{url}/mesh.{name}", timeout=HANG_S) as answer:
+            assert answer.headers["Content-Type"] == media
+            assert answer.headers["Content-Disposition"] == f'attachment; filename="background.{name}"'
     with pytest.raises(urllib.error.HTTPError, match="404") as caught:
         fetch(f"{url}/mesh.obj")
     caught.value.close()
