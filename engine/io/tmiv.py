@@ -70,7 +70,6 @@ class Sequence:
         self.name, self.fps = description.name, description.fps
         self.frames_number = description.frames_number
         self.source_names = description.source_names
-        self._frame_ranges = description.frame_ranges
         self._poses = {name: _poses(folder, name, file) for name, file in description.pose_files.items()}
         self._videos: dict[tuple[str, Kind], RawVideo] = {}
         self.cameras = {name: self._with_file_bits(camera) for name, camera in description.cameras.items()}
@@ -92,10 +91,6 @@ class Sequence:
         virtual = [camera for name, camera in self.cameras.items() if name not in self.source_names]
         videos = {camera.name: find_video(self.folder, camera, "texture") for camera in virtual}
         return tuple(name for name, video in videos.items() if video is not None and video.frame_count)
-
-    def start_frame(self, count: int) -> int:
-        """The frame of the files at which a run of `count` frames starts (the JSON's frameRanges)."""
-        return next((start for most, start in self._frame_ranges if count <= most), 0)
 
     def camera(self, name: str, frame: int = 0) -> Camera:
         """A camera with its pose in a frame; a moving camera has another pose in every frame.
