@@ -133,9 +133,15 @@ class BackgroundModel(ModelParts):
         image = MaximumDepthImage(view, self.tolerances, edge, tone, refine=refine)
         return self._captures.add(c, image, self._rig.packed[c])
 
-    def _recapture(self, c: int, view: View, tone: F64) -> Capture:
-        """Begins a newer capture of a camera that has moved (section 4.2: its maximum depth image is reset with the
-        depth of its view). Surfaces from older captures stay, with their colours."""
+    def recapture(self, c: int, view: View, tone: F64) -> Capture:
+        """Begins a newer capture of reference camera `c`, which has moved (section 4.2: its maximum depth image is
+        reset with the depth of its view). Surfaces from older captures stay, with their colours.
+
+        tone [TONE_SIZE]: a row of those that `update` takes. Called by the thread that updates. Raises ValueError
+        before the first frame, and for a view of another camera; the pose is free."""
+        if not len(self._captures):
+            raise ValueError(f"camera {c}: no capture to follow: expected a first frame before")
+        self._rig.check_one(c, view)
         self._rig.place_one(c, view.camera)
         self._tolerances.replace(c, view)
         self._culling.cast_version[c] = -1

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..rig.camera import Camera
-from ..rig.frame import Frame
+from ..rig.frame import Frame, View
 from ..support.array_types import F64
 from ..support.packed import CAMERA_SIZE
 
@@ -62,6 +62,13 @@ class ReferenceCameras:
         if group:
             self.next = (group[-1] + 1) % count
         return group
+
+    def check_one(self, index: int, view: View) -> None:
+        """Raises ValueError for a view that is not of camera number `index`; its pose may be another."""
+        if not 0 <= index < len(self.cameras):
+            raise ValueError(f"camera {index}: expected 0 to {len(self.cameras) - 1}")
+        if view.camera != _as_in(self.cameras[index], view.camera):
+            raise ValueError(f"view {view.camera.name}: {view.camera}: expected {self.cameras[index]}")
 
     def check(self, frame: Frame) -> None:
         """Raises ValueError if a frame is of other cameras; poses may differ."""

@@ -40,7 +40,7 @@ def recaptured():
     model.update(begin)
     second = dataclasses.replace(first, pose=Pose((0.0, 0.02, 0.0)))
     model.update(Frame(1, (wall(first, WALL_Y, gap=True),)))
-    model._recapture(0, wall(second, LATER_Y, gap=True), np.array(IDENTITY))
+    model.recapture(0, wall(second, LATER_Y, gap=True), np.array(IDENTITY))
     return model, first, second
 
 
@@ -104,6 +104,22 @@ def test_a_camera_that_only_moved_keeps_its_first_capture_and_adds_nothing():
     assert [capture.number for capture in model.captures] == [0, 1]
     luma, depth = luma_of(model, cameras[1])
     assert set(np.unique(luma[~np.isnan(depth)])) == {WALL_Y}
+
+
+def test_a_capture_needs_a_first_frame_and_a_view_of_its_camera():
+    cameras = camera_row(2)
+    begin = Frame(0, tuple(wall(camera, WALL_Y, gap=False) for camera in cameras))
+    settings, tone = Settings(n_init=2), np.array(IDENTITY)
+    model = BackgroundModel(cameras, settings, Scene.of(cameras, settings, begin))
+    with pytest.raises(ValueError, match="camera 0: no capture to follow: expected a first frame"):
+        model.recapture(0, begin.views[0], tone)
+    model.update(begin)
+    with pytest.raises(ValueError, match="camera 2: expected 0 to 1"):
+        model.recapture(2, begin.views[0], tone)
+    with pytest.raises(ValueError, match=r"view v1: .*: expected .*'v0'"):
+        model.recapture(0, begin.views[1], tone)
+    assert len(model.captures) == 2
+    assert model.cameras == tuple(cameras)
 
 
 class Numbers(SlowTracer):

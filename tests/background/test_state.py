@@ -116,7 +116,7 @@ def test_a_second_capture_is_put_back_as_well():
         model.update(one)
     elsewhere = dataclasses.replace(cameras[0], pose=Pose((0.0, -0.35, 0.0)))
     moved = [frame(index, [elsewhere, *cameras[1:]], box_y=PATH[index]) for index in range(FRAMES)]
-    model._recapture(0, moved[5].views[0], np.array(IDENTITY))
+    model.recapture(0, moved[5].views[0], np.array(IDENTITY))
     other = BackgroundModel.from_state(model.state())
     assert [capture.pose for capture in other.captures] == [capture.pose for capture in model.captures]
     for one in moved[5:]:
