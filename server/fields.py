@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Iterable
 from enum import IntEnum
 from typing import Any
@@ -13,6 +14,10 @@ MAX_NUMBER = 1e12
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+# Of a value within values it shows the outer ones only: whatever was sent, it ends.
+_REPR = reprlib.Repr()
+_REPR.maxlist = _REPR.maxtuple = _REPR.maxdict = 20
+_REPR.maxstring = _REPR.maxother = _REPR.maxlong = 100
 
 
 class CloseCode(IntEnum):
@@ -37,7 +42,7 @@ class ProtocolError(ValueError):
 
     def __init__(self, code: CloseCode, field: str, value: object, expected: str) -> None:
         self.code, self.field, self.expected = code, field, expected
-        self.value = value if isinstance(value, str) else repr(value)
+        self.value = value if isinstance(value, str) else _REPR.repr(value)
         if len(self.value) > 80:
             self.value = self.value[:77] + "..."
         super().__init__(f"{field}: {self.value}: expected {expected}")

@@ -21,6 +21,7 @@ from .unpack import unpack
 
 __all__ = [
     "MAX_CONTROL_BYTES",
+    "MAX_HELLO_BYTES",
     "MAX_MESSAGE_BYTES",
     "VERSION",
     "BufferFree",
@@ -52,6 +53,7 @@ MAX_MESSAGE_BYTES = 64 << 20  # a raw view of 2048x2048 takes 21 MB
 MAX_CONTROL_BYTES = 64 << 10  # everything a viewer sends
 _LARGE = 1 << 20  # bytes
 MAX_CAMERAS = 256
+MAX_HELLO_BYTES = 512 * MAX_CAMERAS  # a source's: a camera takes some 270 bytes, and up to 100 more for its name
 MAX_EYE_PX = 4096
 MAX_VIEW_PX = 8192
 MAX_BUFFERS = 100
@@ -125,9 +127,11 @@ def _camera_fields(camera: Camera) -> dict[str, Any]:
 def _read_depth_coding(reader: Reader) -> DepthCoding:
     near, far = reader.number("near", 0.0), reader.number("far", 0.0, math.inf)
     bits, has_invalid = reader.integer("bits", 1, 16), reader.flag("has_invalid")
-    if not 0 < near < far:
-        raise reader.fail("near", near, f"0 < near < far ({far:g})")
-    return DepthCoding(near, far, bits, has_invalid)
+    try:
+        return DepthCoding(near, far, bits, has_invalid)
+    except ValueError as error:
+        expected = str(error).split("expected ", 1)[1]
+        raise reader.fail("near", near, f"{expected} (far is {far:g})") from error
 
 
 def _read_projection(reader: Reader, width: int, height: int) -> Perspective | Equirectangular:

@@ -33,6 +33,9 @@ from .depth import DepthCoding
 __all__ = ["Camera", "Equirectangular", "Perspective", "Pose", "Projection"]
 
 
+_SHORTEST_FOCAL_PX = 1e-9  # what is computed with its square and its inverse stays finite
+
+
 @dataclass(frozen=True, slots=True)
 class Perspective:
     """Pinhole projection; lengths in pixels. Two negative focal lengths turn the picture by 180 degrees, a single one
@@ -52,9 +55,10 @@ class Perspective:
     def __post_init__(self) -> None:
         _check_size(self.width, self.height)
         for name in ("fx", "fy", "cx", "cy"):
-            value = getattr(self, name)
-            if not math.isfinite(value) or (name[0] == "f" and value == 0.0):
-                raise ValueError(f"{name}: {value!r}: expected a finite{' non-zero' * (name[0] == 'f')} number")
+            value, least = getattr(self, name), _SHORTEST_FOCAL_PX if name[0] == "f" else 0.0
+            if not math.isfinite(value) or abs(value) < least:
+                expected = f"a finite number of at least {least:g} in magnitude" if least else "a finite number"
+                raise ValueError(f"{name}: {value!r}: expected {expected}")
 
     @classmethod
     def from_tangents(
@@ -278,12 +282,8 @@ class Camera:
             out[PROJECTION_SLICE] = p.fx, p.fy, p.cx, p.cy
         else:
             out[KIND] = EQUIRECTANGULAR
-            out[PROJECTION_SLICE] = (
-                p.hor_range[1],
-                (p.hor_range[1] - p.hor_range[0]) / p.width,
-                p.ver_range[1],
-                (p.ver_range[1] - p.ver_range[0]) / p.height,
-            )
+            (h0, h1), (v0, v1) = p.hor_range, p.ver_range
+            out[PROJECTION_SLICE] = h1, (h1 - h0) / p.width, v1, (v1 - v0) / p.height
             out[WRAPS] = p.wraps
         out[ROTATION_SLICE] = self.pose.rotation().ravel()
         out[POSITION_SLICE] = np.asarray(self.pose.position, np.float64) - np.asarray(origin, np.float64)

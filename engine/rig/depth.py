@@ -12,6 +12,8 @@ from ..support.packed import Coding
 
 __all__ = ["DepthCoding"]
 
+_NEAREST_M = 1e-9  # disparities and their squares stay finite
+
 
 @dataclass(frozen=True, slots=True)
 class DepthCoding:
@@ -27,8 +29,9 @@ class DepthCoding:
     has_invalid: bool = False
 
     def __post_init__(self) -> None:
-        if not (0 < self.near < self.far) or math.isinf(self.near):
-            raise ValueError(f"depth range: {(self.near, self.far)!r}: expected 0 < near < far")
+        if not (_NEAREST_M <= self.near < self.far) or math.isinf(self.near):
+            expected = f"expected 0 < near < far, near at least {_NEAREST_M:g}"
+            raise ValueError(f"depth range: {(self.near, self.far)!r}: {expected}")
         if not 1 <= self.bits <= 16:
             raise ValueError(f"depth bits: {self.bits!r}: expected 1 to 16")
 
