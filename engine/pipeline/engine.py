@@ -131,7 +131,11 @@ class Engine:
     def status(self) -> dict[str, Any]:
         """Figures for people and monitors: the frame shown and the model's size."""
         counts = self.model.counts() if self.model is not None else {}
-        return {"frame_index": self.frame_index, "cameras": len(self.cameras), "background": counts}
+        memory = self.model.memory if self.model is not None else {}
+        memory = {"canvases": self._renderer.idle_bytes, **memory}
+        return {
+            "frame_index": self.frame_index, "cameras": len(self.cameras), "background": counts, "memory_bytes": memory,
+        }  # fmt: skip
 
     def close(self) -> None:
         """End the threads."""

@@ -28,7 +28,7 @@ class CpuRenderer:
     canvas_bytes: limit of the memory for canvases that are not in use (`canvas_pool`).
     """
 
-    def __init__(self, canvas_bytes: int = 2 << 30) -> None:
+    def __init__(self, canvas_bytes: int = 1 << 30) -> None:
         self.canvases = CanvasPool(canvas_bytes)
         self.settler = Settler()
         self.other_eyes = ThreadPoolExecutor(_STEREO_VIEWERS, "farside-second-eye")
@@ -38,6 +38,11 @@ class CpuRenderer:
         for pbi in content.pbis.values():
             pbi.warm(("surface",))
         return CpuFrame(self, content)
+
+    @property
+    def idle_bytes(self) -> int:
+        """Bytes of the canvases that nobody draws on."""
+        return self.canvases.idle_bytes
 
     def close(self) -> None:
         """End the threads."""

@@ -76,5 +76,9 @@ class Renderer(Protocol):
     def prepare(self, content: FrameContent) -> PreparedFrame:
         """Prepare a frame with its PBIs; called by the back-end thread, while older frames are still drawn."""
 
+    @property
+    def idle_bytes(self) -> int:
+        """Bytes that are kept for later pictures, while nothing is drawn with them."""
+
     def close(self) -> None:
         """End the threads; nothing can be drawn after this."""

@@ -19,6 +19,7 @@ class OracleRenderer:
     """Implements `rendering.renderer.Renderer` and remembers its calls."""
 
     asked: list = dataclasses.field(default_factory=list)
+    idle_bytes: int = 0
 
     def prepare(self, content: FrameContent):
         self.asked.append(("prepare", tuple(content.pbis)))
