@@ -19,9 +19,11 @@ from fastapi import FastAPI, HTTPException, Request, Response, WebSocket
 from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
 
+from .connection import Connection
 from .export import MEDIA_TYPES, export_mesh, export_metrics
 from .ingest import serve_source
 from .poses import serve_viewer
+from .protocol import MAX_CONTROL_BYTES
 from .service import Service
 from .settings import ServerSettings
 
@@ -100,8 +102,8 @@ def make_server(
         host=settings.host,
         port=settings.port,
         log_level=settings.log_level,
-        ws="websockets-sansio",
-        ws_max_size=settings.max_message_bytes,
+        ws=Connection,
+        ws_max_size=MAX_CONTROL_BYTES,  # until a client has been greeted
         ws_per_message_deflate=False,  # pictures are compressed already and depth is large: it would only cost time
         ws_ping_timeout=120.0,  # at the first frame kernels may have to be compiled
         timeout_graceful_shutdown=settings.shutdown_timeout_s,

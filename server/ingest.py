@@ -7,6 +7,7 @@ import dataclasses
 import ipaddress
 import os
 import time
+from functools import partial
 from typing import NoReturn
 
 from farside.engine.live.back_buffer import BackBuffer, OrderError
@@ -15,9 +16,11 @@ from farside.engine.live.frame_memory import FrameBuffer, FrameBuffers
 from farside.engine.rig.frame import Frame, View
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from .connection import connection_of
 from .inbox import Inbox
 from .pictures import decode_view
 from .protocol import (
+    MAX_HELLO_BYTES,
     BufferFree,
     CloseCode,
     FrameDone,
@@ -36,6 +39,8 @@ BUFFERS = CREDITS + 1  # frames in memory: the one on show, and those of the sou
 
 async def serve_source(socket: WebSocket, service: Service) -> None:
     """One source's connection, from hello to close. One source at a time; it may leave and come back."""
+    if (connection := connection_of(socket)) is not None:
+        connection.take_messages(MAX_HELLO_BYTES)
     async with conversation(socket):
         client, hello = await service.greet(socket, SourceHello)
         async with Inbox(client, socket) as inbox, service.place(inbox):
@@ -70,7 +75,8 @@ class _Ingest:
         self._back_buffer = BackBuffer(list(self._cameras))
         self._freed, self._granted_one = asyncio.Event(), asyncio.Event()
         loop, name = asyncio.get_running_loop(), f"farside-{service.session}-{inbox.client}"
-        self._buffers = FrameBuffers(hello.cameras, BUFFERS, name, lambda: _wake(loop, self._freed))
+        # Not a method of this object: who waits for a buffer to be given back must not keep what has it.
+        self._buffers = FrameBuffers(hello.cameras, BUFFERS, name, partial(_wake, loop, self._freed))
         self._granted: dict[int, FrameBuffer] = {}
         self._arriving: FrameBuffer | None = None
         self._settled: asyncio.Queue[tuple[int, asyncio.Future[bool]]] = asyncio.Queue()
@@ -83,6 +89,7 @@ class _Ingest:
         self._buffers.close()
         self._granted.clear()
         self._arriving = None
+        self._back_buffer.clear()  # the frame that will not be complete any more
 
     async def grant(self) -> NoReturn:
         """Give the source every buffer that is free."""

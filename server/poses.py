@@ -11,6 +11,7 @@ from farside.engine.rig.camera import Perspective, Pose
 from farside.engine.rig.viewer import EncodedPair, StereoView, home_pose
 from starlette.websockets import WebSocket
 
+from .connection import connection_of
 from .inbox import receive
 from .protocol import (
     MAX_CONTROL_BYTES,
@@ -30,9 +31,13 @@ from .service import Service, conversation, race, send
 
 __all__ = ["serve_viewer"]
 
+PING_S, PONG_S = 8.0, 15.0  # a viewer's network may be away for a moment
+
 
 async def serve_viewer(socket: WebSocket, service: Service) -> None:
     """One viewer's connection, from hello to close."""
+    if (connection := connection_of(socket)) is not None:  # one that is gone must not keep its place for long
+        connection.expect_pongs(PING_S, PONG_S)
     async with conversation(socket):
         client, hello = await service.greet(socket, ViewerHello)
         if service.live.viewer_count >= service.settings.max_viewers:

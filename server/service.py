@@ -19,8 +19,11 @@ from farside.engine.live.engine import Live
 from farside.engine.live.governor import Rung
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
+from .connection import connection_of
 from .inbox import Inbox, receive
 from .protocol import (
+    MAX_CONTROL_BYTES,
+    MAX_HELLO_BYTES,
     CloseCode,
     Error,
     Message,
@@ -64,9 +67,12 @@ class Service:
         except TimeoutError as error:
             waited = f"nothing for {self.settings.hello_timeout_s:g} s"
             raise ProtocolError(CloseCode.TIMEOUT, "hello", waited, "a hello") from error
-        hello = decode(data, kind)
+        hello = decode(data, kind, limit=MAX_CONTROL_BYTES if kind is ViewerHello else MAX_HELLO_BYTES)
         if not self.authorised(hello.token):
             raise ProtocolError(CloseCode.TOKEN, "token", "another", "the server's token")
+        if (connection := connection_of(socket)) is not None:
+            # What is a little too long for a viewer is still read, so that it is told what is wrong.
+            connection.take_messages(4 * MAX_CONTROL_BYTES if kind is ViewerHello else self.settings.max_message_bytes)
         return f"{kind.ROLE}-{next(self._numbers)}", hello
 
     @asynccontextmanager

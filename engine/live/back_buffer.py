@@ -25,6 +25,10 @@ class BackBuffer:
         self._frame = -1
         self._views: dict[str, View] = {}
 
+    def clear(self) -> None:
+        """Lets go of the views of a frame that is not complete."""
+        self._views = {}
+
     def add(self, frame: int, view: View) -> Frame | None:
         """Take a view. Returns the frame, its views in the order of the cameras, if it is complete now; else None.
 

@@ -139,6 +139,7 @@ class Live(AbstractAsyncContextManager["Live"]):
                 await self._update(core, source, frame, settled)
             finally:
                 settled.cancel()  # has an effect only if a shutdown interrupted the update
+                del frame, settled  # the next one may be long in coming
 
     async def _update(self, core: Core, source: Source, frame: Frame, settled: asyncio.Future[bool]) -> None:
         speeds = {name: viewer.speed for name, viewer in self._viewers.items()}
