@@ -47,6 +47,14 @@ def command(
     host: Annotated[str | None, typer.Option(help="Address to listen on (default 127.0.0.1).")] = None,
     port: Annotated[int | None, typer.Option(help="Port (default 8765; 0: any free one).")] = None,
     token: Annotated[str | None, typer.Option(help="Token that clients must send (default: none).")] = None,
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Another name of this server, as a proxy passes it on; * for any name."),
+    ] = None,
+    allow_origin: Annotated[
+        list[str] | None,
+        typer.Option(metavar="URL", help="Pages of this origin may connect, too (https://example.org); * for all."),
+    ] = None,
     quality: Annotated[str | None, typer.Option(help="fast, balanced, best, or paper (as published).")] = None,
     views: Annotated[int | None, typer.Option(help="Views warped for each picture (n_render).")] = None,
     init: Annotated[int | None, typer.Option(help="Views that build the S-PBS (n_init).")] = None,
@@ -84,7 +92,8 @@ def command(
 ) -> None:
     """Run the live server. Every option can also be set in the environment, as FARSIDE_PORT and so on."""
     settings = server_settings(
-        host=host, port=port, token=token, quality=quality, views=views, init=init, update=update,
+        host=host, port=port, token=token, allowed_hosts=_joined(allow_host), allowed_origins=_joined(allow_origin),
+        quality=quality, views=views, init=init, update=update,
         update_interval=update_interval, output_scale=output_scale, jpeg_quality=jpeg_quality, background=background,
         viewing_space=viewing_space, target_fps=target_fps, longest_update_s=longest_update_s,
         max_viewers=max_viewers, log_level=log_level,
@@ -92,6 +101,10 @@ def command(
     with listen(settings) as listening:
         print(f"serving at {url_of(listening, settings.token)} (Ctrl-C stops)", flush=True)
         run(make_server(settings), listening)
+
+
+def _joined(names: list[str] | None) -> str | None:
+    return ",".join(names) if names else None
 
 
 def run(server: uvicorn.Server, listening: socket.socket) -> None:

@@ -22,6 +22,7 @@ from fastapi.staticfiles import StaticFiles
 from .connection import Connection
 from .export import MEDIA_TYPES, export_mesh, export_metrics
 from .ingest import serve_source
+from .origins import OriginCheck
 from .poses import serve_viewer
 from .protocol import MAX_CONTROL_BYTES
 from .service import Service
@@ -45,10 +46,21 @@ def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | N
             yield
 
     app = FastAPI(title="Farside", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    app.add_middleware(
+        OriginCheck,
+        listens_on=settings.host,
+        hosts=_listed(settings.allowed_hosts),
+        origins=_listed(settings.allowed_origins),
+        token=bool(settings.token),
+    )
     app.mount("/page", StaticFiles(directory=PAGE))
     _add_http(app)
     _add_sockets(app)
     return app
+
+
+def _listed(names: str) -> list[str]:
+    return [name.strip() for name in names.split(",") if name.strip()]
 
 
 def _engine_maker(settings: ServerSettings) -> Callable[[Source], Core]:

@@ -22,6 +22,10 @@ class ServerSettings(BaseSettings):
     host: str = "127.0.0.1"
     port: int = Field(8765, ge=0, le=65535)  # 0: any free one
     token: str = ""  # empty: everyone may connect
+    allowed_hosts: str = ""  # names of this server besides its machine's, separated by commas; "*": any
+    allowed_origins: str = (
+        ""  # of other pages that may connect, like https://example.org, separated by commas; "*": any
+    )
     quality: Literal["fast", "balanced", "best", "paper"] = "balanced"
     views: int | None = Field(None, ge=1)  # n_render
     init: int | None = Field(None, ge=1)  # n_init
