@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
+import os
+import signal
+import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.resources import files
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import uvicorn
 from farside.engine.live.core import Core, Source, make_local_core
-from farside.engine.live.core_process import ProcessCore
+from farside.engine.live.core_process import ProcessCore, kill_all
 from farside.engine.live.engine import Live
 from farside.engine.live.interpreter import responsive
 from farside.engine.live.update_priority import Patience
@@ -120,4 +125,25 @@ def make_server(
         ws_ping_timeout=120.0,  # at the first frame kernels may have to be compiled
         timeout_graceful_shutdown=settings.shutdown_timeout_s,
     )
-    return uvicorn.Server(config)
+    return _Server(config)
+
+
+class _Server(uvicorn.Server):
+    """uvicorn's server, whose end does not wait for an engine that does not answer."""
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End in order; after `timeout_graceful_shutdown` seconds the engine's process is killed."""
+        limit_s = self.config.timeout_graceful_shutdown or 0
+        killing = asyncio.get_running_loop().call_later(limit_s, kill_all)
+        try:
+            await super().shutdown(sockets)
+        finally:
+            killing.cancel()
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """The first signal ends the server in order, the second one at once."""
+        if self.should_exit:
+            kill_all()
+            signal.signal(sig, signal.SIG_DFL)
+            os.kill(os.getpid(), sig)
+        super().handle_exit(sig, frame)

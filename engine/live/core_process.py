@@ -26,11 +26,21 @@ from .core import Core, CoreLostError, Look, Updated
 from .frame_memory import lay_out, open_memory
 from .interpreter import SETTLES_AFTER, SWITCH_S, set_aside
 
-__all__ = ["ProcessCore"]
+__all__ = ["ProcessCore", "kill_all"]
 
 _START = "from farside.engine.live.core_process import serve; serve()"
 _END_S = 10.0  # time for a process to end before it is killed
 _PACKET = 1 << 16  # bytes; pickled settings are smaller
+_processes: weakref.WeakSet[subprocess.Popen[bytes]] = weakref.WeakSet()  # of all cores, those that end included
+
+
+def kill_all() -> None:
+    """End the processes of all cores at once, whatever they do; whoever waits for one gets CoreLostError.
+
+    For a program that must end: it may be called from a signal handler.
+    """
+    for process in list(_processes):
+        process.kill()
 
 
 class _Answer(NamedTuple):
@@ -61,6 +71,7 @@ class ProcessCore:
                 pass_fds=[theirs.fileno()],
                 process_group=0,  # Ctrl-C goes only to the owner
             )
+        _processes.add(self._process)
         self._lines = threading.local()
         self._frames: dict[int, Frame] = {}  # frames that the process reads
         self._numbers = count()
