@@ -1,8 +1,8 @@
 """The progressive 3D background model (section 3.3): the background surfaces in all frames so far.
 
 This module holds the order of the steps; each step has a module of its own. First frame (3.3.2): `s_pbs` (with
-`coverage` and `reconstruction`), `culling`. Later frames (3.3.3): `maximum_depth`, `p_pbs` (with `triangle_filter`
-and `reconstruction`), `culling`. For each viewer (3.4.1): `pbi`.
+`coverage` and `new_triangles`), `culling`. Later frames (3.3.3): `maximum_depth`, `p_pbs` (with `triangle_filter`
+and `new_triangles`), `culling`. For each viewer (3.4.1): `pbi`.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class BackgroundModel(ModelParts):
                 self._begin_capture(c, view, tones[c])
         with timed(report.stages, "triangulate"):
             chosen = gather_triangles(
-                self._pbs, self._captures, frame.views, self._reconstruction, self.settings.n_init, tolerances.delta,
+                self._pbs, self._captures, frame.views, self._new_triangles, self.settings.n_init, tolerances.delta,
                 self._origin,
             )  # fmt: skip
         with timed(report.stages, "commit"):
@@ -129,7 +129,7 @@ class BackgroundModel(ModelParts):
 
     def _begin_capture(self, c: int, view: View, tone: F64) -> Capture:
         """Begins a new current capture of a camera with its first view."""
-        edge, refine = self._reconstruction.options[c].edge, self.settings.refine
+        edge, refine = self._new_triangles.options[c].edge, self.settings.refine
         image = MaximumDepthImage(view, self.tolerances, edge, tone, refine=refine)
         return self._captures.add(c, image, self._rig.packed[c])
 
@@ -154,5 +154,5 @@ class BackgroundModel(ModelParts):
         if self._space is None or self.settings.backdrop != "standing":
             return
         with timed(report.stages, "hidden"):
-            present = self._present(self._reconstruction.table(frame.views), 0.0)
+            present = self._present(self._new_triangles.table(frame.views), 0.0)
             flag_hidden(self._space, self._pbs, surfaces, self._captures, present, self.tolerances.delta, report)

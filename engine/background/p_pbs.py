@@ -21,8 +21,8 @@ from ..support.stages import timed
 from .capture import Capture
 from .changed_directions import ChangedDirections
 from .maximum_depth import BLOCK
+from .new_triangles import NewTriangles
 from .pbs import ProbableBackgroundSurface, Surface
-from .reconstruction import Reconstruction
 from .report import UpdateReport
 from .tolerances import Tolerances
 from .triangle_filter import filter_updated
@@ -34,10 +34,10 @@ class ProgressiveUpdate:
     """Derives the parts of the P-PBS of `count` reference cameras. changed: receives the new geometry."""
 
     def __init__(
-        self, pbs: ProbableBackgroundSurface, reconstruction: Reconstruction, changed: ChangedDirections,
+        self, pbs: ProbableBackgroundSurface, new_triangles: NewTriangles, changed: ChangedDirections,
         settings: Settings, count: int,
     ) -> None:  # fmt: skip
-        self._pbs, self._reconstruction, self._changed = pbs, reconstruction, changed
+        self._pbs, self._new_triangles, self._changed = pbs, new_triangles, changed
         self._neighbours = settings.filter_neighbours
         self.rounds = [1] * count  # rounds of fusion at the last time that each camera's points were moved
         self._scratch: dict[tuple[int, ...], I32] = {}
@@ -89,7 +89,7 @@ class ProgressiveUpdate:
     def _derive(self, capture: Capture, before: Surface | None, numbers: I32, changed: B1) -> None:
         """Makes new triangles of the kept pixels; outside the changed blocks they inherit the marks from before."""
         image = capture.image
-        mesh = self._reconstruction.triangles(capture.camera, image.camera, image.codes, image.kept)
+        mesh = self._new_triangles.derive(capture.camera, image.camera, image.codes, image.kept)
         surface = self._pbs.set_progressive(capture.number, capture.camera, mesh)
         is_new = np.ones(len(mesh.triangles), bool)
         if before is not None:

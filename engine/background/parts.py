@@ -16,11 +16,11 @@ from ..support.array_types import I64, U8
 from .capture import Capture, Captures, Present
 from .coloured_mesh import coloured_mesh
 from .culling import ForegroundCulling
+from .new_triangles import NewTriangles
 from .p_pbs import ProgressiveUpdate
 from .pbi import BackgroundImage, render_pbi
 from .pbs import ProbableBackgroundSurface
 from .ray_tracer import RayTracer
-from .reconstruction import Reconstruction
 from .reference_cameras import ReferenceCameras
 from .tolerances import FollowedTolerances, Tolerances
 from .viewing_space import ViewingSpace
@@ -40,13 +40,13 @@ class ModelParts:
         self._space = None if ball is None else ViewingSpace.relative_to(self._origin, ball)
         self._rig = ReferenceCameras(cameras, self._origin)
         options = [scene.triangulation(camera, settings) for camera in cameras]
-        self._reconstruction = Reconstruction(options, self._origin, self._space, rims=settings.model_rims)
+        self._new_triangles = NewTriangles(options, self._origin, self._space, rims=settings.model_rims)
         self._pbs = ProbableBackgroundSurface(len(self._rig), tracer)
         self._captures = Captures()
         self._tolerances = FollowedTolerances(settings)
         self._culling = ForegroundCulling(self._pbs, self._rig, settings)
         changed = self._culling.changed
-        self._p_pbs = ProgressiveUpdate(self._pbs, self._reconstruction, changed, settings, len(self._rig))
+        self._p_pbs = ProgressiveUpdate(self._pbs, self._new_triangles, changed, settings, len(self._rig))
         self._waited = 0  # frames skipped since the last update
 
     @property
@@ -72,7 +72,7 @@ class ModelParts:
     @property
     def mesh_tolerance(self) -> float:
         """The largest error of its triangles' depth, as disparity, 1/m."""
-        return self._reconstruction.tolerance(self.cameras)
+        return self._new_triangles.tolerance(self.cameras)
 
     def images(self, frame: Frame) -> tuple[list[int], I64]:
         """The cameras [k] whose pose in a frame is that of their current capture, and the addresses [k, 4] of these

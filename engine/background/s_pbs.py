@@ -1,7 +1,7 @@
 """Initialisation of the PBS: the S-PBS, from the views of the first frame (section 3.3.2).
 
 Coverage selection chooses the views, and the farther-only test their pixels (`coverage`). These pixels become triangles
-(`reconstruction`). Foreground culling follows (`culling`).
+(`new_triangles`). Foreground culling follows (`culling`).
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from ..rig.frame import View
 from ..support.array_types import F64
 from .capture import Captures
 from .coverage import Coverage, choose_views
+from .new_triangles import NewTriangles
 from .pbs import ProbableBackgroundSurface
-from .reconstruction import Reconstruction
 
 __all__ = ["gather_triangles"]
 
 
 def gather_triangles(
-    pbs: ProbableBackgroundSurface, captures: Captures, views: Sequence[View], reconstruction: Reconstruction,
+    pbs: ProbableBackgroundSurface, captures: Captures, views: Sequence[View], new_triangles: NewTriangles,
     n_init: int, delta: Delta, origin: F64,
 ) -> list[int]:  # fmt: skip
     """Puts into the S-PBS the triangles of up to n_init (n_rv^init) views that overlap little: of each view only the
@@ -29,7 +29,7 @@ def gather_triangles(
     coverage = Coverage(delta, origin)
     chosen = choose_views(views, n_init)
     for c in chosen:
-        keep = coverage.keep_farther(views[c], reconstruction.options[c].edge)
+        keep = coverage.keep_farther(views[c], new_triangles.options[c].edge)
         capture = captures.current[c]
-        pbs.set_static(capture.number, c, reconstruction.triangles(c, capture.image.camera, views[c].codes, keep))
+        pbs.set_static(capture.number, c, new_triangles.derive(c, capture.image.camera, views[c].codes, keep))
     return chosen

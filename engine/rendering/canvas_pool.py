@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from .canvas import Canvas
+from .warping import Canvas
 
 __all__ = ["CanvasPool"]
 

@@ -12,13 +12,13 @@ from ..rig.camera import Camera
 from ..rig.viewer import PictureReport, RenderedPicture
 from ..support.stages import timed
 from .antialiasing import smooth_outlines
-from .canvas import Canvas
 from .canvas_pool import CanvasPool
 from .filling import fill, rise_per_pixel
 from .hole_settling import Settler
 from .renderer import FrameContent, PictureTask
 from .target import Target
 from .tiles import HoleMap
+from .warping import Canvas
 
 __all__ = ["render_picture"]
 

@@ -12,8 +12,8 @@ from farside.engine.geometry.prepared_view import PreparedView
 from farside.engine.geometry.triangulation import TriangulationOptions
 from farside.engine.kernels.background.uncovered import CELL
 from farside.engine.kernels.geometry.cuts import BROKEN
-from farside.engine.rendering.canvas import Canvas
 from farside.engine.rendering.target import Target
+from farside.engine.rendering.warping import Canvas
 from farside.engine.rig.camera import Equirectangular, Perspective, Pose
 from farside.engine.rig.frame import View
 from oracle.uncovered import uncovered

@@ -11,8 +11,8 @@ from farside.engine.geometry.minification import MOST_LEVELS, Level, halved, lev
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable, pixels_per_radian
 from farside.engine.geometry.triangulation import TriangulationOptions, depth_cuts
 from farside.engine.kernels.geometry import minify
-from farside.engine.rendering.canvas import Canvas
 from farside.engine.rendering.target import Target
+from farside.engine.rendering.warping import Canvas
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Texture, View

@@ -58,7 +58,7 @@ STEPS = [
         "background/test_coverage.py::test_the_s_pbs_takes_from_later_views_only_what_earlier_ones_do_not_show",
     ),
     (
-        "engine/background/reconstruction.py",
+        "engine/background/new_triangles.py",
         "extend_edges=self._rims)",
         "extend_edges=True)",
         "pipeline/test_paper.py::test_it_models_with_two_triangles_a_pixel_and_culls_those_across_depth_edges",
@@ -119,16 +119,16 @@ STEPS = [
         "background/test_pbi.py::test_what_lies_between_the_imaginary_camera_and_the_eyes_is_not_shown",
     ),
     (
-        "engine/rendering/canvas.py",
+        "engine/rendering/warping.py",
         "others, push, delta,",
         "others, (0.0, 0.0), delta,",
         "rendering/test_backdrop.py::test_holes_are_filled_and_the_backdrop_is_pushed_back",
     ),
     (
-        "engine/rendering/canvas.py",
+        "engine/rendering/warping.py",
         "        return self._rasteriser.draw(mesh, target, number, near, margin, self.buffer, tiles, open_tiles)\n",
         "        return self._rasteriser.draw(mesh, target, number, near, 0.0, self.buffer, tiles, open_tiles)\n",
-        "rendering/test_canvas.py::test_a_later_mesh_wins_where_it_is_nearer_by_the_margin",
+        "rendering/test_warping.py::test_a_later_mesh_wins_where_it_is_nearer_by_the_margin",
     ),
     (
         "engine/rendering/filling.py",

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from farside.engine.kernels.rendering import antialias
-from farside.engine.rendering import canvas as canvas_module
-from farside.engine.rendering.canvas import Canvas
+from farside.engine.rendering import warping as canvas_module
+from farside.engine.rendering.warping import Canvas
 from support import guard_cases
 from support import guarded as guarded_module
 from support.guarded import FLUSHES, guarded, guarding, kernels_of_engine

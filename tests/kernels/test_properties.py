@@ -18,8 +18,8 @@ from farside.engine.kernels.evaluation.leaks import farthest_distances
 from farside.engine.kernels.rendering import fill as fill_kernels
 from farside.engine.kernels.rendering.lens import LENS_SIZE, OUTSIDE, aim, make_lens
 from farside.engine.kernels.rendering.look import look
-from farside.engine.rendering.canvas import Canvas
 from farside.engine.rendering.target import Target
+from farside.engine.rendering.warping import Canvas
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Texture, View

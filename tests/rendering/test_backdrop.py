@@ -12,8 +12,8 @@ from farside.engine.kernels.base.view_table import EDGE, TOLERANCE, Views
 from farside.engine.kernels.rendering.backdrop import lay_backdrop
 from farside.engine.kernels.rendering.present import present_depth
 from farside.engine.kernels.rendering.records import DepthBuffer
-from farside.engine.rendering.canvas import Canvas
 from farside.engine.rendering.target import Target
+from farside.engine.rendering.warping import Canvas
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import View

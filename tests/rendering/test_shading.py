@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.triangulation import TriangulationOptions
-from farside.engine.rendering.canvas import Canvas
 from farside.engine.rendering.target import Target
+from farside.engine.rendering.warping import Canvas
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Texture, View

@@ -55,7 +55,7 @@ async def watch(url: str, size: tuple[int, int]) -> None:
         assert (message.width, message.height) == size
 
 
-def test_canvases_of_viewers_that_have_left_are_bounded_by_bytes(monkeypatch: Any) -> None:
+def test_warpinges_of_viewers_that_have_left_are_bounded_by_bytes(monkeypatch: Any) -> None:
     import os
     import sys
 

@@ -33,9 +33,9 @@ from farside.engine.kernels.base.tone import IDENTITY
 from farside.engine.live import frame_memory
 from farside.engine.pipeline import engine as engine_module
 from farside.engine.rendering.antialiasing import smooth_outlines
-from farside.engine.rendering.canvas import Canvas
 from farside.engine.rendering.filling import fill
 from farside.engine.rendering.target import Target
+from farside.engine.rendering.warping import Canvas
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Frame, Texture, View

@@ -31,9 +31,9 @@ from farside.engine.kernels.evaluation.silhouettes import FINE, silhouette_offse
 from farside.engine.kernels.synth import patterns
 from farside.engine.kernels.synth.trace import SceneArrays, TracedPicture, trace_picture
 from farside.engine.rendering.antialiasing import smooth_outlines
-from farside.engine.rendering.canvas import Canvas
 from farside.engine.rendering.filling import fill
 from farside.engine.rendering.target import Target
+from farside.engine.rendering.warping import Canvas
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Texture, View

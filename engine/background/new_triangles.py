@@ -13,10 +13,10 @@ from ..rig.frame import View
 from ..support.array_types import F64, U8, U16
 from .viewing_space import ViewingSpace
 
-__all__ = ["Reconstruction"]
+__all__ = ["NewTriangles"]
 
 
-class Reconstruction:
+class NewTriangles:
     """Makes the triangles of the PBS.
 
     options: bounds of each reference camera's triangulation; origin: the scene's, metres in the world, to which points
@@ -30,7 +30,7 @@ class Reconstruction:
     ) -> None:
         self.options, self._origin, self._space, self._rims = tuple(options), origin, space, rims
 
-    def triangles(self, index: int, camera: Camera, codes: U16, keep: U8) -> Mesh:
+    def derive(self, index: int, camera: Camera, codes: U16, keep: U8) -> Mesh:
         """The mesh of the pixels of reference camera `index` with keep [h, w] != 0, without the triangles that face
         away from the whole viewing space."""
         options = dataclasses.replace(self.options[index], extend_edges=self._rims)

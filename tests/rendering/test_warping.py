@@ -11,8 +11,8 @@ import pytest
 from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.prepared_view import PreparedView, pixels_per_radian
 from farside.engine.geometry.triangulation import TriangulationOptions, triangulate
-from farside.engine.rendering.canvas import Canvas
 from farside.engine.rendering.target import Target
+from farside.engine.rendering.warping import Canvas
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import View
