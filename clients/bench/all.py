@@ -8,6 +8,7 @@ import os
 import platform
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import time
@@ -68,7 +69,7 @@ def command(
     paths = [report / "RESULTS.md", *([results] if results else [])]
     for _ in measure_all(chosen, report, sequences, failed):  # after Ctrl-C there is a document of the finished part
         for path in paths:
-            path.write_text(document(chosen, report, failed), "utf-8")
+            write_document(path, chosen, report, failed)
     print("\n".join(f"document: {path}" for path in paths))
     if failed:
         raise typer.Exit(1)
@@ -101,6 +102,19 @@ def measure_all(
         yield
 
 
+def write_document(path: Path, sections: Sequence[Section], folder: Path, failed: Mapping[str, str]) -> None:
+    """Write the document of the results in `folder` to a file. For a file elsewhere than in `folder`, the pictures are
+    copied to a folder `results` next to it."""
+    text = document(sections, folder, failed)
+    if path.parent.resolve() != folder.resolve():
+        for section, picture in re.findall(r"^!\[(\w+)\]\((.+)\)$", text, re.MULTILINE):
+            copy = Path("results") / f"{section}{Path(picture).suffix}"
+            (path.parent / copy).parent.mkdir(exist_ok=True)
+            shutil.copyfile(folder / picture, path.parent / copy)
+            text = text.replace(f"]({picture})", f"]({copy})")
+    path.write_text(text, "utf-8")
+
+
 def document(sections: Sequence[Section], folder: Path, failed: Mapping[str, str]) -> str:
     """The results of sections in Markdown: question, command, machine, commit, table, how to read it."""
     machine, commit = machine_name(), commit_name()
@@ -117,7 +131,7 @@ def document(sections: Sequence[Section], folder: Path, failed: Mapping[str, str
             continue
         result = Result(**json.loads(path.read_text("utf-8")))
         lines += [f"`{result.command}`, {result.date}, {result.seconds:.0f} s", "", section.reading, "", "```text"]
-        lines += [result.output.rstrip(), "```"]
+        lines += [*map(str.rstrip, result.output.rstrip().splitlines()), "```"]
         pictures = [name for name in result.files if name.endswith(".png")]
         lines += [line for name in pictures[:1] for line in ("", f"![{section.key}]({result.folder}/{name})")]
     return "\n".join(lines) + "\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -76,7 +77,12 @@ def test_what_is_finished_is_kept(runs: FakeRuns, tmp_path: Path, monkeypatch: p
     first = (tmp_path / "R" / "RESULTS.md").read_text()
     command(tmp_path / "R", only=ONLY, scale=0.05, frames=2, results=tmp_path / "elsewhere.md")
     assert len(runs.measured) == 3
-    assert (tmp_path / "R" / "RESULTS.md").read_text() == first == (tmp_path / "elsewhere.md").read_text()
+    assert (tmp_path / "R" / "RESULTS.md").read_text() == first
+    text = (tmp_path / "elsewhere.md").read_text()  # the same, with pictures of its own
+    found = re.search(r"!\[ghosts\]\((.+)\)", first)
+    assert found is not None
+    assert text == first.replace(found[1], "results/ghosts.png")
+    assert (tmp_path / "results" / "ghosts.png").read_bytes() == (tmp_path / "R" / found[1]).read_bytes()
     command(tmp_path / "R", only="ghosts", scale=0.06, frames=2)  # another command
     assert runs.measured[3:] == ["ghosts"]
     monkeypatch.setattr(module, "commit_name", lambda: "def456")
