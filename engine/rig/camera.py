@@ -34,6 +34,7 @@ __all__ = ["Camera", "Equirectangular", "Perspective", "Pose", "Projection"]
 
 
 _SHORTEST_FOCAL_PX = 1e-9  # what is computed with its square and its inverse stays finite
+_LEAST_SPAN_RAD = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,10 +126,10 @@ class Equirectangular:
             ("hor_range", self.hor_range, 2 * math.pi),
             ("ver_range", self.ver_range, math.pi),
         ):
-            if not (low < high <= low + limit + 1e-9):
+            if not (low + _LEAST_SPAN_RAD <= high <= low + limit + 1e-9):
                 raise ValueError(
                     f"{name}: {(math.degrees(low), math.degrees(high))!r} degrees: "
-                    f"expected min < max, spanning at most {math.degrees(limit):g}"
+                    f"expected min < max, spanning {math.degrees(_LEAST_SPAN_RAD):.2g} to {math.degrees(limit):g}"
                 )
 
     @property

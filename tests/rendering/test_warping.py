@@ -157,6 +157,17 @@ def wall(distance, *, half=50.0):
     return make_mesh(np.array(corners) + ORIGIN, [(0, 2, 1), (1, 2, 3)])
 
 
+@pytest.mark.parametrize("middle", [0.0, 6.2831, -3.1416])
+@pytest.mark.parametrize("span", [1e-8, 1e-6, 1e-3, 0.1])
+def test_a_small_part_of_a_sphere_is_drawn_without_walking_round_the_rest(span, middle):
+    ranges = (middle - span / 2, middle + span / 2), (-span / 2, span / 2)
+    camera = Camera("target", Equirectangular(40, 30, *ranges), Pose(tuple(ORIGIN)), CODING)
+    triangle = [(4.0, 60.0, -60.0), (4.0, -60.0, -60.0), (4.0, 0.0, 60.0)]
+    turned = np.array(triangle) * [math.cos(middle), 1.0, 1.0] + [0.0, 4.0 * math.sin(middle), 0.0]
+    found = drawn(camera, make_mesh(turned + ORIGIN, [(0, 1, 2), (2, 1, 0)])).disparity
+    np.testing.assert_allclose(found, 0.25, rtol=0.01)
+
+
 def test_a_later_mesh_wins_where_it_is_nearer_by_the_margin():
     camera = target_camera("perspective", Pose(tuple(ORIGIN)))
     for distance, winner in ((2.0, 1), (2.4, 1), (2.6, 0), (4.0, 0), (5.0, 0)):

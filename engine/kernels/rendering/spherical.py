@@ -127,22 +127,20 @@ def _draw_triangle(
     period = round(2.0 * math.pi / camera[RADIANS_A_COLUMN])
     for y in range(max(first, top), min(last, bottom) + 1):
         planar, z = rows[y, 0], rows[y, 1]
-        for column in range(x0, x1 + 1):
-            x = column
-            if x < 0 or x >= width:
-                x = x % period
-                if x >= width:
-                    continue
-            dx, dy = planar * columns[x, 0], planar * columns[x, 1]
-            if (
-                ab[0] * dx + ab[1] * dy + ab[2] * z >= ab[3]
-                and bc[0] * dx + bc[1] * dy + bc[2] * z >= bc[3]
-                and ca[0] * dx + ca[1] * dy + ca[2] * z >= ca[3]
-            ):
-                q = (nx * dx + ny * dy + nz * z) * inverse
-                if q > disparity[y, x] + (margin if disparity[y, x] > 0.0 else 0.0):
-                    disparity[y, x] = q
-                    winner[y, x] = view
+        # The picture recurs with each whole turn. Only columns inside it are walked through: if it shows a small part
+        # of a turn, a triangle may cover billions of others.
+        for turn in range(x0 // period, x1 // period + 1):
+            for x in range(max(x0 - turn * period, 0), min(x1 - turn * period, width - 1) + 1):
+                dx, dy = planar * columns[x, 0], planar * columns[x, 1]
+                if (
+                    ab[0] * dx + ab[1] * dy + ab[2] * z >= ab[3]
+                    and bc[0] * dx + bc[1] * dy + bc[2] * z >= bc[3]
+                    and ca[0] * dx + ca[1] * dy + ca[2] * z >= ca[3]
+                ):
+                    q = (nx * dx + ny * dy + nz * z) * inverse
+                    if q > disparity[y, x] + (margin if disparity[y, x] > 0.0 else 0.0):
+                        disparity[y, x] = q
+                        winner[y, x] = view
 
 
 @parallel
