@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import importlib
 import sys
-from typing import Any, NoReturn
+from importlib.metadata import version
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+
+from .ending import end_soon
 
 __all__ = ["COMMANDS", "app", "main"]
 
@@ -55,13 +58,24 @@ app = typer.Typer(
 )
 
 
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        print(f"farside {version('farside')}")
+        raise typer.Exit
+
+
 @app.callback()
-def _farside() -> None:
+def _farside(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
     """Farside: live stereo rendering of immersive video with a progressive 3D background model."""
 
 
 def main() -> NoReturn:
     """Run the command line; bad input (ValueError, OSError) becomes one line on stderr and exit code 2."""
+    end_soon()
     try:
         app()
     except (ValueError, OSError) as error:

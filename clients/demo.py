@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import shutil
 import socket
 from pathlib import Path
 from typing import Annotated
@@ -17,8 +16,9 @@ from farside.server.app import make_server
 from rich.console import Console
 from rich.progress import Progress
 
+from .ending import unfinished
 from .replay import Playback, Replay
-from .serve import listen, server_settings, url_of
+from .serve import listen, server_settings, stop_within, url_of
 
 __all__ = ["command"]
 
@@ -41,6 +41,7 @@ def command(
     """Show everything at once: a twin sequence, the server, a replay and the viewer's address."""
     console = Console()
     settings = server_settings(port=port, quality=quality, target_fps=target_fps)
+    stop_within(settings)
     with listen(settings) as listening:
         folder = _twin(cache or _cache(), scale, frames, console)
         sequence = open_recording(folder)
@@ -66,13 +67,11 @@ def _twin(cache: Path, scale: float, frames: int, console: Console) -> Path:
         task = bar.add_task("making a twin of Museum (the first time compiles the ray tracer)", total=None)
         from farside.engine.synth import write_twin
 
-        try:
+        with unfinished(partial):
             write_twin(
                 "museum", partial, scale, frames, progress=lambda n, m: bar.update(task, completed=n, total=m)
             )
             partial.rename(folder)
-        finally:
-            shutil.rmtree(partial, ignore_errors=True)
     return folder
 
 

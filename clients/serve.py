@@ -12,7 +12,9 @@ from farside.server.app import make_server
 from farside.server.settings import ServerSettings
 from pydantic import ValidationError
 
-__all__ = ["command", "listen", "server_settings", "url_of"]
+from .ending import set_patience
+
+__all__ = ["command", "listen", "server_settings", "stop_within", "url_of"]
 
 
 def server_settings(**given: Any) -> ServerSettings:
@@ -98,6 +100,7 @@ def command(
         viewing_space=viewing_space, target_fps=target_fps, longest_update_s=longest_update_s,
         max_viewers=max_viewers, log_level=log_level,
     )  # fmt: skip
+    stop_within(settings)
     with listen(settings) as listening:
         print(f"serving at {url_of(listening, settings.token)} (Ctrl-C stops)", flush=True)
         run(make_server(settings), listening)
@@ -105,6 +108,11 @@ def command(
 
 def _joined(names: list[str] | None) -> str | None:
     return ",".join(names) if names else None
+
+
+def stop_within(settings: ServerSettings) -> None:
+    """Give the server the time after a signal that its settings allow, and a moment more."""
+    set_patience(settings.shutdown_timeout_s + 0.4)
 
 
 def run(server: uvicorn.Server, listening: socket.socket) -> None:

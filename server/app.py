@@ -123,22 +123,31 @@ def make_server(
         ws_max_size=MAX_CONTROL_BYTES,  # until a client has been greeted
         ws_per_message_deflate=False,  # pictures are compressed already and depth is large: it would only cost time
         ws_ping_timeout=120.0,  # at the first frame kernels may have to be compiled
-        timeout_graceful_shutdown=settings.shutdown_timeout_s,
     )
-    return _Server(config)
+    return _Server(config, settings.shutdown_timeout_s)
 
 
 class _Server(uvicorn.Server):
-    """uvicorn's server, whose end does not wait for an engine that does not answer."""
+    """uvicorn's server, whose end does not wait for connections or an engine for more than some seconds in all."""
+
+    def __init__(self, config: uvicorn.Config, shutdown_timeout_s: float) -> None:
+        super().__init__(config)
+        self._shutdown_timeout_s = shutdown_timeout_s
+        config.timeout_graceful_shutdown = math.ceil(shutdown_timeout_s)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """End in order; after `timeout_graceful_shutdown` seconds the engine's process is killed."""
-        limit_s = self.config.timeout_graceful_shutdown or 0
-        killing = asyncio.get_running_loop().call_later(limit_s, kill_all)
+        """End in order; when the time is over, connections are cut and the engine's process is killed."""
+        killing = asyncio.get_running_loop().call_later(self._shutdown_timeout_s, self._end_all)
         try:
             await super().shutdown(sockets)
         finally:
             killing.cancel()
+
+    def _end_all(self) -> None:
+        for connection in list(self.server_state.connections):
+            if connection.transport is not None:
+                connection.transport.abort()
+        kill_all()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """The first signal ends the server in order, the second one at once."""
@@ -146,4 +155,4 @@ class _Server(uvicorn.Server):
             kill_all()
             signal.signal(sig, signal.SIG_DFL)
             os.kill(os.getpid(), sig)
-        super().handle_exit(sig, frame)
+        self.should_exit = True  # uvicorn would raise the signal again at the end, for a handler that it did not expect

@@ -41,7 +41,7 @@ class ServerSettings(BaseSettings):
     max_viewers: int = Field(8, ge=1)
     max_message_bytes: int = Field(MAX_MESSAGE_BYTES, ge=1 << 16)
     hello_timeout_s: float = Field(10.0, gt=0)
-    shutdown_timeout_s: int = Field(5, ge=1)
+    shutdown_timeout_s: float = Field(1.5, gt=0)  # after a signal; then the engine is killed
     log_level: Literal["critical", "error", "warning", "info", "debug"] = "warning"
 
     def engine(self) -> Settings:
