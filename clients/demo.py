@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import shlex
 import socket
 from pathlib import Path
 from typing import Annotated
@@ -22,6 +23,8 @@ from .serve import listen, server_settings, stop_within, url_of
 
 __all__ = ["command"]
 
+_TARGET_FPS = 12.0  # a rate at which a head feels free, and that two cores hold
+
 
 def command(
     scale: Annotated[float, typer.Option(help="Size of the twin's pictures; 1: the paper's size.")] = 0.25,
@@ -29,10 +32,13 @@ def command(
     rate: Annotated[float, typer.Option(help="Frames a second.")] = 10.0,
     port: Annotated[int, typer.Option(help="Port (0: any free one).")] = 8765,
     seconds: Annotated[float | None, typer.Option(help="Stop after this time (default: run until Ctrl-C).")] = None,
-    quality: Annotated[str, typer.Option(help="fast, balanced, best, or paper (as published).")] = "fast",
+    quality: Annotated[str, typer.Option(help="fast, balanced, best, or paper (as published).")] = "balanced",
     target_fps: Annotated[
         float | None,
-        typer.Option(help="Stereo pairs a second to hold: quality follows the load, --quality is the upper limit."),
+        typer.Option(
+            help="Stereo pairs a second to hold (default 12; none with `paper`): quality follows the load, --quality "
+            "is the upper limit."
+        ),
     ] = None,
     cache: Annotated[
         Path | None, typer.Option(help="Folder in which twins are kept (default: the user's cache).")
@@ -40,6 +46,8 @@ def command(
 ) -> None:
     """Show everything at once: a twin sequence, the server, a replay and the viewer's address."""
     console = Console()
+    if target_fps is None and quality != "paper":
+        target_fps = _TARGET_FPS
     settings = server_settings(port=port, quality=quality, target_fps=target_fps)
     stop_within(settings)
     with listen(settings) as listening:
@@ -50,7 +58,7 @@ def command(
         console.print(f"watch at [bold]{address}[/] (Ctrl-C stops); move with the mouse and W A S D Q E")
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_play(make_server(settings), listening, Replay(playback), seconds))
-        console.print(f"stopped; the twin stays in {folder}")
+        console.print("stopped")
 
 
 def _cache() -> Path:
@@ -61,8 +69,11 @@ def _twin(cache: Path, scale: float, frames: int, console: Console) -> Path:
     """The folder of the museum twin, which is made on the first run; an interrupted run leaves no partial folder."""
     folder = cache / f"museum-{scale:g}-{frames}"
     if folder.is_dir():
+        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+        _tell_place(console, f"the twin is in {folder}, {size / 1e9:.2g} GB", folder)
         return folder
     partial = folder.with_name(f"{folder.name}.{os.getpid()}")
+    _tell_place(console, f"the twin will take {_twin_bytes(scale, frames) / 1e9:.3g} GB in {folder}", folder)
     with Progress(console=console) as bar:
         task = bar.add_task("making a twin of Museum (the first time compiles the ray tracer)", total=None)
         from farside.engine.synth import write_twin
@@ -73,6 +84,20 @@ def _twin(cache: Path, scale: float, frames: int, console: Console) -> Path:
             )
             partial.rename(folder)
     return folder
+
+
+def _twin_bytes(scale: float, frames: int) -> int:
+    """Bytes of a museum twin, virtual cameras included: texture and depth, both 4:2:0 with two bytes a sample."""
+    from farside.engine.synth import make_twin
+
+    rig = make_twin("museum", scale).rig
+    cameras = map(rig.camera, (*rig.source_names, *rig.target_names))
+    return frames * sum(6 * camera.width * camera.height for camera in cameras)
+
+
+def _tell_place(console: Console, what: str, folder: Path) -> None:
+    text = f"{what}; to remove it: rm -r {shlex.quote(str(folder))}"
+    console.print(text, soft_wrap=True, highlight=False, markup=False)
 
 
 async def _play(

@@ -3,15 +3,30 @@
 import { decode, encode } from "./msgpack.js";
 import { Head } from "./head.js";
 
-const EYE = { width: 640, height: 480, fov: 1.4, ipd: 0.063 };
+const IPD = 0.063; // metres
+const HALF_HEIGHT = 0.632; // tangent of half the vertical field of view
+const WIDEST = 2.4; // horizontal field of view, radians
+const MOST_PX = 1280 * 960; // of an eye: larger windows show enlarged pictures
+const RESIZED_MS = 300;
 const IN_FLIGHT = 2;
 const RETRY_MS = 1500;
 const element = (id) => document.getElementById(id);
 const canvas = element("picture");
 const head = new Head(canvas);
 const token = new URLSearchParams(location.search).get("token") ?? "";
-const state = { socket: null, scene: null, sent: 0, answered: 0, seen: 0, frame: -1, moved: performance.now(), times: [], latency: 0 };
+const state = { canvas, socket: null, scene: null, sent: 0, answered: 0, seen: 0, frame: -1, moved: performance.now(), times: [], latency: 0 };
 globalThis.farside = state; // for inspection from the browser's console
+
+// Pictures have the size of the place where they are shown.
+function eye() {
+  const box = canvas.getBoundingClientRect();
+  const [width, height] = [box.width / (isBoth() ? 2 : 1), box.height].map((side) => Math.max(16, side * devicePixelRatio));
+  const scale = Math.min(1, Math.sqrt(MOST_PX / (width * height)), 4096 / width, 4096 / height);
+  const even = (side) => Math.max(16, 2 * Math.round(side * scale / 2));
+  return { width: even(width), height: even(height), fov: Math.min(WIDEST, 2 * Math.atan(HALF_HEIGHT * width / height)), ipd: IPD };
+}
+
+function isBoth() { return element("eyes").value === "both"; }
 
 function connect() {
   const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/viewer`);
@@ -19,7 +34,8 @@ function connect() {
   socket.binaryType = "arraybuffer";
   socket.onopen = () => {
     Object.assign(state, { socket, sent: 0, answered: 0, seen: 0 });
-    const hello = { type: "hello", version: 1, role: "viewer", token, axes: "openxr", encoding: "jpeg", ...EYE };
+    const hello = { type: "hello", version: 1, role: "viewer", token, axes: "openxr", encoding: "jpeg", ...eye() };
+    state.size = `${hello.width}x${hello.height}`;
     socket.send(encode(hello));
   };
   socket.onmessage = async (event) => {
@@ -31,9 +47,21 @@ function connect() {
   };
   socket.onclose = (event) => {
     state.socket = null;
+    if (socket.resized) { connect(); return; }
     say(`no connection: ${refusal || event.reason || "the server does not answer"}; trying again`);
     setTimeout(connect, RETRY_MS);
   };
+}
+
+// The server learns the size of pictures from the hello only.
+function resize() {
+  clearTimeout(state.resizing);
+  state.resizing = setTimeout(() => {
+    const { width, height } = eye();
+    if (state.socket === null || state.size === `${width}x${height}`) return;
+    state.socket.resized = true;
+    state.socket.close();
+  }, RESIZED_MS);
 }
 
 function arrive(scene) {
@@ -55,8 +83,7 @@ function sendPose() {
 }
 
 async function show(stereo) {
-  const both = element("eyes").value === "both";
-  const eyes = both ? [stereo.left, stereo.right] : [stereo.left];
+  const eyes = isBoth() ? [stereo.left, stereo.right] : [stereo.left];
   const pictures = await Promise.all(eyes.map((eye) => createImageBitmap(new Blob([eye.planes[0]], { type: "image/jpeg" }))));
   state.answered = stereo.seq + 1; // poses before it that the server dropped get no picture
   state.seen += 1;
@@ -82,5 +109,7 @@ function account(stereo) {
 
 function say(text) { if (element("message").textContent !== text) element("message").textContent = text; }
 
+new ResizeObserver(resize).observe(canvas);
+element("eyes").addEventListener("change", resize);
 connect();
 sendPose();

@@ -6,6 +6,7 @@ import asyncio
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import urllib.request
@@ -150,8 +151,19 @@ def test_a_sequence_exports_without_a_server(sequence: Sequence, tmp_path: Path)
 
 
 def test_the_demo_runs_and_stops(tmp_path: Path) -> None:
-    arguments = ["--scale", 0.03, "--frames", 2, "--seconds", 3, "--port", 0, "--cache", tmp_path]
+    cache = tmp_path / "a cache"
+    arguments = ["--scale", 0.03, "--frames", 2, "--seconds", 3, "--port", 0, "--cache", cache]
     first = farside("demo", *arguments)
     assert first.returncode == 0, first.stderr
     assert "watch at http://127.0.0.1:" in first.stdout
-    assert [folder.name for folder in tmp_path.iterdir()] == ["museum-0.03-2"]
+    folder = cache / "museum-0.03-2"
+    assert list(cache.iterdir()) == [folder]
+    size = sum(path.stat().st_size for path in folder.rglob("*"))
+    told = re.search(r"the twin will take (\S+) GB in (.+); to remove it: (.+)\n", first.stdout)
+    assert told is not None
+    assert float(told[1]) * 1e9 == pytest.approx(size, rel=0.1)
+    assert told[2] == str(folder)
+    again = farside("demo", *arguments)
+    assert f"the twin is in {folder}, " in again.stdout
+    subprocess.run(told[3], shell=True, check=True)
+    assert not folder.exists()

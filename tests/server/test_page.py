@@ -106,8 +106,10 @@ def test_it_shows_the_stream_and_keys_and_mouse_move_the_head(page: sync_api.Pag
     with running(cores) as url, playing(url):
         page.goto(url)
         wait_shown(page, 3)
-        first = shot(page)
-        assert first.shape == (480, 640)
+        wait_size(page)
+        first = settled(page)
+        size = shown_size(page)
+        assert first.shape == size
         assert first.std() > 5  # a ramp, not a blank
         assert "frame 6" in page.text_content("#figures")
         assert page.text_content("#message") == ""
@@ -140,8 +142,33 @@ def test_it_shows_the_stream_and_keys_and_mouse_move_the_head(page: sync_api.Pag
         assert turned.mean() - first.mean() == pytest.approx(brighter, abs=1.5)
 
         page.select_option("#eyes", "both")
-        assert settled(page).shape == (480, 1280)
+        wait_size(page)
+        assert shown_size(page) == size  # side by side in the same place
+        page.set_viewport_size({"width": 500, "height": 700})
+        wait_size(page)
+        page.set_viewport_size({"width": 2400, "height": 1800})  # more pixels than are worth their time
+        page.wait_for_function("farside.size.split('x').reduce((a, b) => a * b) > 1.2e6")
+        rows, columns = settled(page).shape
+        assert rows * columns <= 2 * 1280 * 960 * 1.01
+        assert columns / rows == pytest.approx(2400 / shown_size(page)[0], rel=0.01)
+        assert page.text_content("#message") == ""
     assert problems == []
+
+
+def shown_size(page: sync_api.Page) -> tuple[int, int]:
+    """Rows and columns of the place where pictures are shown, rounded as pictures are (an eye's to even numbers)."""
+    box = page.evaluate("(({width, height}) => [width, height])(farside.canvas.getBoundingClientRect())")
+    eyes = 2 if page.evaluate("document.getElementById('eyes').value") == "both" else 1
+    return 2 * round(box[1] / 2), eyes * 2 * round(box[0] / eyes / 2)
+
+
+def wait_size(page: sync_api.Page) -> None:
+    """Returns when pictures have the size of the place where they are shown."""
+    for _ in range(HANG_MS // POLL_MS):
+        if shot(page).shape == shown_size(page):
+            return
+        page.wait_for_timeout(POLL_MS)
+    assert shot(page).shape == shown_size(page)
 
 
 def settled(page: sync_api.Page) -> np.ndarray:
