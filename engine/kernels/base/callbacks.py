@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Protocol
 
 import numba
 from numba import config
 from numba.core.typing.ctypes_utils import to_ctypes
+
+from .kernel_cache import keeping
 
 __all__ = ["Callback", "callback", "raise_what_callbacks_did"]
 
@@ -48,7 +51,8 @@ def callback(signature: Any) -> Callable[[Callable[..., Any]], Callback]:
     def decorate(function: Callable[..., Any]) -> Callback:
         if config.DISABLE_JIT:
             return _Uncompiled(function, signature)
-        compiled: Callback = numba.cfunc(signature, cache=True)(function)
+        with keeping(Path(function.__code__.co_filename)) as kept:
+            compiled: Callback = numba.cfunc(signature, cache=kept)(function)
         return compiled
 
     return decorate

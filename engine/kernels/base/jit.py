@@ -1,15 +1,19 @@
 """How kernels are compiled: the options of Numba, spelled once.
 
-All kernels are cached on disk, and divide as NumPy does: a division by zero gives infinity or NaN instead of an
-exception. Each decorator is used as `@serial`, or with more options as `@serial(fastmath={"contract"})`. Kernels are
-untyped for type checkers, because their scalars have more types than checkers accept as numbers.
+Kernels are kept on disk (`kernel_cache`). They divide as NumPy does: a division by zero gives infinity or NaN instead
+of an exception. Each decorator is used as `@serial`, or with more options as `@serial(fastmath={"contract"})`. Kernels
+are untyped for type checkers, because their scalars have more types than checkers accept as numbers.
 """
 
 from __future__ import annotations
 
+import functools
+from pathlib import Path
 from typing import Any
 
 import numba
+
+from .kernel_cache import keeping
 
 __all__ = ["inlined", "inlined_late", "parallel", "serial"]
 
@@ -18,8 +22,10 @@ def _decorator(**options: Any) -> Any:
     """A decorator that compiles with these options; its use may add more."""
 
     def decorate(function: Any = None, **more: Any) -> Any:
-        compiled = numba.njit(cache=True, error_model="numpy", **options, **more)
-        return compiled if function is None else compiled(function)
+        if function is None:
+            return functools.partial(decorate, **more)
+        with keeping(Path(function.__code__.co_filename)) as kept:
+            return numba.njit(cache=kept, error_model="numpy", **options, **more)(function)
 
     return decorate
 
