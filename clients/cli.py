@@ -75,9 +75,11 @@ def _farside(
 
 def main() -> NoReturn:
     """Run the command line; bad input (ValueError, OSError) becomes one line on stderr and exit code 2."""
-    end_soon()
     try:
+        end_soon()
         app()
+    except KeyboardInterrupt:
+        sys.exit(130)
     except (ValueError, OSError) as error:
         print(f"farside: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)

@@ -21,20 +21,25 @@ from types import FrameType
 __all__ = ["PATIENCE_S", "end_soon", "set_patience", "unfinished"]
 
 PATIENCE_S = 1.5  # for what a command does on its own to end in order
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _unfinished: set[Path] = set()
 _patience_s = PATIENCE_S
 
 
 def end_soon() -> None:
-    """From now on Ctrl-C and SIGTERM raise KeyboardInterrupt, and end the process if it is still there after a while.
+    """From now on Ctrl-C raises KeyboardInterrupt, SIGTERM and SIGHUP raise SystemExit, and each ends the process if it
+    is still there after a while.
 
-    What is `unfinished` is removed then, and child processes are killed. A second signal ends the process at once. Call
-    it in the main thread.
+    What is `unfinished` is removed then, and child processes are killed. A second signal ends the process at once.
+    Signals that are ignored stay so. Does nothing outside the main thread, which alone hears of signals.
     """
+    if threading.current_thread() is not threading.main_thread():
+        return
     read, write = os.pipe()
     os.set_blocking(write, False)
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _end)
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
     threading.Thread(target=_watch, args=(read,), name="farside-end", daemon=True).start()
 
@@ -56,8 +61,8 @@ def unfinished(path: Path) -> Iterator[None]:
         _unfinished.discard(path)
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+def _end(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(128 + number)
 
 
 def _watch(read: int) -> None:

@@ -15,6 +15,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 __all__ = ["Connection", "connection_of"]
 
 STALL_S = 10.0  # a peer that reads nothing for this long, although data wait for it, is cut off
+MAX_FRAGMENTS = 4096  # of a message; our source sends 256 for the longest one
 _KEY = "farside.connection"
 
 
@@ -26,6 +27,7 @@ class Connection(WebSocketsSansIOProtocol):
     """
 
     _cutting: asyncio.TimerHandle | None = None
+    _stalling: asyncio.TimerHandle | None = None
 
     def take_messages(self, max_bytes: int) -> None:
         """From now on messages of up to `max_bytes` bytes are taken."""
@@ -44,19 +46,47 @@ class Connection(WebSocketsSansIOProtocol):
         finally:
             self._cut_later()
 
-    async def send(self, message: Any) -> None:
-        """Send a message of the application; cuts the peer off where it takes nothing."""
-        left = self.transport.get_write_buffer_size()
-        while not self.writable.is_set():
-            try:
-                async with asyncio.timeout(STALL_S):
-                    await self.writable.wait()
-            except TimeoutError:
-                before, left = left, self.transport.get_write_buffer_size()
-                if left >= before:
-                    self.transport.abort()
-                    break
-        await super().send(message)
+    def pause_writing(self) -> None:
+        """More waits for the peer than it should: from now on it must take some of it."""
+        super().pause_writing()
+        self._expect_less(self.transport.get_write_buffer_size())
+
+    def resume_writing(self) -> None:
+        """The peer has taken most of it."""
+        super().resume_writing()
+        if self._stalling is not None:
+            self._stalling.cancel()
+            self._stalling = None
+        if not self.read_paused:
+            self.transport.resume_reading()
+
+    def _expect_less(self, than: int) -> None:
+        """Cut the peer off if no less than `than` bytes wait for it when STALL_S has passed."""
+
+        def look() -> None:
+            left = self.transport.get_write_buffer_size()
+            if left >= than:
+                self.transport.abort()
+            else:
+                self._expect_less(left)
+
+        self._stalling = self.loop.call_later(STALL_S, look)
+
+    def handle_ping(self) -> None:
+        """Answer a ping; a peer that does not read the answers is not asked for more."""
+        super().handle_ping()
+        if not self.writable.is_set() and not self.transport.is_closing():
+            self.transport.pause_reading()
+
+    def handle_cont(self, event: Any) -> None:
+        """A message goes on; one of too many fragments is no message, even if they are empty."""
+        super().handle_cont(event)
+        if len(self.frames) > MAX_FRAGMENTS:
+            self.transport.abort()
+
+    def eof_received(self) -> None:
+        """The peer sends no more; asyncio closes the connection when the rest has been read."""
+        self._cut_later()
 
     def keepalive_timeout(self) -> None:
         """No pong came in time: nobody reads what is left to be sent."""
@@ -80,8 +110,9 @@ class Connection(WebSocketsSansIOProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The connection is gone."""
-        if self._cutting is not None:
-            self._cutting.cancel()
+        for timer in (self._cutting, self._stalling):
+            if timer is not None:
+                timer.cancel()
         super().connection_lost(exc)
 
     def _cut_later(self) -> None:

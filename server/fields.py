@@ -142,7 +142,8 @@ class Reader:
     def quaternion(self, name: str) -> Quaternion:
         """A unit quaternion, in the order in which it was sent."""
         a, b, c, d = self.numbers(name, 4)
-        if not abs(math.sqrt(a * a + b * b + c * c + d * d) - 1.0) < 1e-3:
+        # A little less than `Pose` takes, which adds the squares in another order.
+        if not abs(math.sqrt(a * a + b * b + c * c + d * d) - 1.0) < 1e-3 - 1e-9:
             raise self.fail(name, [a, b, c, d], "a unit quaternion")
         return a, b, c, d
 

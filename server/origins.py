@@ -8,6 +8,7 @@ as of the same origin: it is told by the name that it asks for (Host).
 from __future__ import annotations
 
 import ipaddress
+import re
 import socket
 from collections.abc import Collection
 from urllib.parse import urlsplit
@@ -18,6 +19,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 __all__ = ["OriginCheck"]
 
+_HOST = re.compile(r"([\w.-]+|\[[0-9a-fA-F:.]+(%25\w+)?\])(:\d+)?", re.ASCII)
 _DEFAULT_PORTS = {"http": 80, "ws": 80, "https": 443, "wss": 443}
 
 
@@ -36,8 +38,9 @@ class OriginCheck:
     ) -> None:
         self._app, self._any_host = app, token or "*" in hosts
         own = socket.gethostname()
-        self._hosts = {name.lower() for name in (listens_on, own, f"{own}.local", "localhost", *hosts)}
-        self._origins = {origin.lower().rstrip("/") for origin in origins}
+        names = (listens_on, own, f"{own}.local", "localhost", *hosts)
+        self._hosts = {(_split(f"//{name}") or (name.lower(), None))[0] for name in names}
+        self._origins = {_canonical(origin) for origin in origins}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
@@ -50,22 +53,29 @@ class OriginCheck:
     def _refusal(self, scope: Scope) -> str | None:
         """What is wrong with a request, if anything."""
         headers = Headers(scope=scope)
-        host, origin = headers.get("host", ""), headers.get("origin")
+        host, origin = ", ".join(headers.getlist("host")), headers.get("origin")
         if host and not self._any_host and not self._is_own(host):
             names = ", ".join(sorted(self._hosts))
             expected = f"an address as numbers, a name without dots or one of {names} (--allow-host adds others)"
             return f"host: {host!r}: expected {expected}"
-        if origin is None or "*" in self._origins or origin.lower() in self._origins:
+        if origin is None or "*" in self._origins or _canonical(origin) in self._origins:
             return None
         if scope["type"] == "websocket" and not _is_same(origin, host):
             return f"origin: {origin!r}: expected a page of {host!r} (--allow-origin adds others)"
         return None
 
     def _is_own(self, host: str) -> bool:
-        name = (_split(f"//{host}") or ("", None))[0]
+        name = (_split(f"//{host}") or ("", None))[0] if _HOST.fullmatch(host) else ""
         if not name or name in self._hosts or name.endswith(".localhost"):
             return bool(name)
         return "." not in name or _is_address(name)
+
+
+def _canonical(origin: str) -> str:
+    """An origin as browsers spell it: in lower case, without the port that its scheme has anyway."""
+    origin = origin.lower().rstrip("/")
+    scheme, _, rest = origin.partition("://")
+    return origin.removesuffix(f":{_DEFAULT_PORTS[scheme]}") if rest and scheme in _DEFAULT_PORTS else origin
 
 
 def _split(url: str) -> tuple[str, int | None] | None:
@@ -79,9 +89,9 @@ def _split(url: str) -> tuple[str, int | None] | None:
 
 def _is_same(origin: str, host: str) -> bool:
     """Whether a page's origin is the address that it asked for."""
-    scheme = origin.partition(":")[0].lower()
-    page = _split(origin)
-    return scheme in _DEFAULT_PORTS and page is not None and page == _split(f"{scheme}://{host}")
+    scheme, _, address = origin.partition("://")
+    scheme, page = scheme.lower(), _split(origin)
+    return _HOST.fullmatch(address) is not None and scheme in _DEFAULT_PORTS and page is not None and page == _split(f"{scheme}://{host}")
 
 
 def _is_address(name: str) -> bool:

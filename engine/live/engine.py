@@ -11,6 +11,7 @@ import asyncio
 import logging
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager, contextmanager
@@ -54,6 +55,9 @@ class Live(AbstractAsyncContextManager["Live"]):
         self._tasks: list[asyncio.Task[None]] = []
         self._viewers: dict[str, LiveViewer[Any]] = {}
         self._core: Core | None = None
+        self._uses: Counter[int] = Counter()  # calls under way, by the core's id
+        self._retired: dict[int, Core] = {}  # cores that are to be closed when their last call has ended, by their id
+        self._closing: set[asyncio.Task[None]] = set()
         self._core_status: dict[str, Any] = {}
         self._pending: tuple[Frame, asyncio.Future[bool]] | None = None
         self._arrived = asyncio.Event()
@@ -81,6 +85,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         self._drop_pending()
         for pool in (*self._back_ends.values(), self._front_end, self._exports):
             await asyncio.to_thread(pool.shutdown, wait=True, cancel_futures=True)
+        await asyncio.gather(*self._closing)
         for core in filter(None, (self._core, None if self.shown is self._core else self.shown)):
             await asyncio.to_thread(core.close)
 
@@ -93,12 +98,37 @@ class Live(AbstractAsyncContextManager["Live"]):
             self._drop_pending()
             if self.source is None or self.source.cameras != source.cameras:
                 core = await self._make(source)
+                former = {id(old): old for old in (self._core, self.shown) if old is not None}
                 self._drop_pending()  # a frame offered meanwhile was for the core before
                 self._core = core
                 self.shown, self._core_status = None, {}
+                for old in former.values():
+                    self._retire(old)
                 self._retune()
             self.source = source
             self._wake_viewers()
+
+    @contextmanager
+    def _using(self, core: Core) -> Iterator[None]:
+        """A core is asked for something while the block runs: it is not closed meanwhile."""
+        self._uses[id(core)] += 1
+        try:
+            yield
+        finally:
+            self._uses[id(core)] -= 1
+            if id(core) in self._retired:
+                self._retire(core)
+
+    def _retire(self, core: Core) -> None:
+        """Close a core that another one has replaced, once nothing is asked of it any more. To wait for the collection
+        of garbage would keep its process, and hundreds of megabytes, for minutes."""
+        if self._uses[id(core)]:
+            self._retired[id(core)] = core
+        else:
+            self._retired.pop(id(core), None)
+            del self._uses[id(core)]
+            self._closing.add(closing := asyncio.create_task(asyncio.to_thread(core.close)))
+            closing.add_done_callback(self._closing.discard)
 
     async def _make(self, source: Source) -> Core:
         core = await asyncio.to_thread(self._make_core, source)
@@ -147,7 +177,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         f_vin = min(source.fps, self.frame_rate.per_second() or source.fps)
         loop, start, first = asyncio.get_running_loop(), time.monotonic(), self.shown is not core
         try:
-            with self._updates.running():
+            with self._updates.running(), self._using(core):
                 updated = await loop.run_in_executor(
                     self._back_ends[self._patience.niceness], core.update, frame, self._look, speeds, f_vin
                 )
@@ -196,7 +226,8 @@ class Live(AbstractAsyncContextManager["Live"]):
         """A viewer's pair, rendered and encoded in a render thread."""
         loop, start = asyncio.get_running_loop(), time.monotonic()
         try:
-            pair = await loop.run_in_executor(self._front_end, core.picture, view, viewer, encoding)
+            with self._using(core):
+                pair = await loop.run_in_executor(self._front_end, core.picture, view, viewer, encoding)
         except CoreLostError as error:
             self._give_up(core, error)
             raise
@@ -238,7 +269,8 @@ class Live(AbstractAsyncContextManager["Live"]):
         if core is None:
             raise ValueError("mesh: there is none before the first frame: expected a source to be playing")
         loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._exports, core.mesh, file_format)
+        with self._using(core):
+            return await loop.run_in_executor(self._exports, core.mesh, file_format)
 
     @property
     def viewer_count(self) -> int:

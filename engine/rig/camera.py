@@ -126,7 +126,7 @@ class Equirectangular:
             ("hor_range", self.hor_range, 2 * math.pi),
             ("ver_range", self.ver_range, math.pi),
         ):
-            if not (low + _LEAST_SPAN_RAD <= high <= low + limit + 1e-9):
+            if not (high - low >= _LEAST_SPAN_RAD and high <= low + limit + 1e-9):
                 raise ValueError(
                     f"{name}: {(math.degrees(low), math.degrees(high))!r} degrees: "
                     f"expected min < max, spanning {math.degrees(_LEAST_SPAN_RAD):.2g} to {math.degrees(limit):g}"

@@ -82,7 +82,7 @@ try:
     with unfinished(Path({str(tmp_path / "partial")!r})) as _:
         print("ready", flush=True)
         time.sleep(1000)
-except KeyboardInterrupt:
+except (KeyboardInterrupt, SystemExit):
     print("in order")
 """
     with running(code) as process:

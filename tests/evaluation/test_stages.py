@@ -65,7 +65,8 @@ def test_every_stage_has_its_row_and_parts_make_up_the_whole(report):
             background = report.row(phase, "background")
             assert 0 < sum(row.share for row in parts) < background.share
             assert max(row.wall_ms for row in parts) < background.wall_ms
-    assert all(min(row.wall_ms, row.cpu_ms) >= TICK_MS - 1e-6 for row in report.rows)
+    timed = [row for row in report.rows if row.stage != "other"]  # that is what others leave of the total's median
+    assert all(min(row.wall_ms, row.cpu_ms) >= TICK_MS - 1e-6 for row in timed)
 
 
 def test_a_stage_counts_as_often_as_it_took_place(report):

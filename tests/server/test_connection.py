@@ -82,6 +82,14 @@ class Mute:
     def send_raw(self, data: bytes) -> None:
         self._socket.sendall(data)
 
+    def flood(self, data: bytes) -> None:
+        """Send the same without end; raises ConnectionError when the server has cut the connection."""
+        while True:
+            self._socket.sendall(data)
+
+    def half_close(self) -> None:
+        self._socket.shutdown(socket.SHUT_WR)
+
     def received(self) -> bytes:
         """All that came until the end."""
         found = b""
@@ -147,6 +155,53 @@ def test_a_client_that_is_refused_and_does_not_read_is_cut_off() -> None:
     with running(FakeCore) as url, closing(Mute(url, "/viewer")) as mute:
         mute.send(encode(SOURCE))  # at the wrong address
         assert b"expected the role of this address" in mute.received()
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("path", ["/viewer", "/source"])
+@pytest.mark.parametrize("greeted", [True, False])
+def test_who_pings_and_does_not_read_the_answers_is_cut_off(path: str, greeted: bool) -> None:
+    pings = Frame(9, b"x" * 125).serialize(mask=True) * 500
+    with running(FakeCore, hello_timeout_s=HANG_S) as url, closing(Mute(url, path)) as mute:
+        if greeted:
+            mute.send(encode(SOURCE if path == "/source" else VIEWER))
+        with pytest.raises(ConnectionError):
+            mute.flood(pings)
+        if path == "/source":
+            run(lambda: come_again(url))
+
+
+async def come_again(url: str) -> None:
+    """Returns once a source is welcome."""
+    while True:
+        try:
+            async with playing(url):
+                return
+        except RefusedError:
+            await asyncio.sleep(0.01)
+
+
+@pytest.mark.usefixtures("impatient")
+def test_who_sends_no_more_and_does_not_read_is_cut_off() -> None:
+    with running(FakeCore, max_viewers=1) as url, closing(Mute(url, "/viewer")) as mute:
+
+        async def scenario() -> None:
+            async with playing(url):
+                mute.send(encode(LARGE))
+                mute.send(encode(PoseUpdate(0, 0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))))
+                await asyncio.sleep(0.1)
+                mute.half_close()
+                await let_in(url)
+
+        run(scenario)
+
+
+def test_a_message_of_endless_fragments_ends_its_connection() -> None:
+    part = Frame(0, b"", fin=False).serialize(mask=True) * 1000
+    with running(FakeCore, hello_timeout_s=HANG_S) as url, closing(Mute(url, "/viewer")) as mute:
+        mute.send_raw(Frame(2, b"", fin=False).serialize(mask=True))
+        with pytest.raises(ConnectionError):
+            mute.flood(part)
 
 
 # What clients that nobody knows can make the server keep

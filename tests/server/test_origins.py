@@ -55,7 +55,8 @@ def refused(url: str, path: str = "/viewer", **headers: str) -> str:
 @pytest.mark.parametrize("path", ["/viewer", "/source"])
 @pytest.mark.parametrize(
     "origin",
-    ["http://evil.example", "https://evil.example:8765", "null", "file://", "http://127.0.0.1", "http://[::1", ""],
+    ["http://evil.example", "https://evil.example:8765", "null", "file://", "http://127.0.0.1", "http://[::1", "",
+     "http://evil.example@127.0.0.1"],
 )
 def test_a_page_of_another_origin_is_refused_with_its_name(path: str, origin: str) -> None:
     with running(FakeCore) as url:
@@ -69,6 +70,7 @@ def test_a_page_of_another_origin_is_refused_with_its_name(path: str, origin: st
         ({}, "HTTP://{address}"),
         ({"allowed_origins": "https://a.example, https://b.example"}, "https://b.example"),
         ({"allowed_origins": "https://a.example/"}, "https://A.example"),
+        ({"allowed_origins": "https://a.example:443/"}, "https://a.example"),
         ({"allowed_origins": "null"}, "null"),
         ({"allowed_origins": "*"}, "https://whatever.example"),
         ({"token": ""}, None),
@@ -86,7 +88,11 @@ def test_a_token_does_not_let_other_pages_in() -> None:
 
 
 @pytest.mark.parametrize(
-    "host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost.evil.example", ":"]
+    "host",
+    [
+        "evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost.evil.example", ":",
+        "evil.example@localhost", "localhost/evil.example", "[::1].evil.example", "127.0.0.1%evil.example",
+    ],
 )
 def test_a_name_that_points_here_is_not_ours(host: str) -> None:
     with running(FakeCore) as url:
@@ -116,6 +122,8 @@ def test_a_page_whose_name_is_made_to_point_here_is_refused_though_it_is_of_the_
         ({}, socket.gethostname()),
         ({}, ""),
         ({"allowed_hosts": "farside.example,other.example"}, "farside.example:443"),
+        ({"allowed_hosts": " My.Example. , proxy.example:443"}, "my.example"),
+        ({"allowed_hosts": " My.Example. , proxy.example:443"}, "proxy.example"),
         ({"allowed_hosts": "*"}, "whatever.example"),
         ({"token": "secret"}, "whatever.example"),  # a page that rebinds a name does not know it
     ],

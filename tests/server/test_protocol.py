@@ -325,6 +325,19 @@ def _replaced(value: Any, path: tuple[Any, ...], new: Any) -> Any:
     return copy
 
 
+@given(
+    st.floats(0.9985, 1.0015), st.lists(st.floats(-1, 1), min_size=4, max_size=4), st.sampled_from(["omaf", "openxr"])
+)
+def test_an_orientation_that_is_read_is_a_pose(length: float, parts: list[float], axes: str) -> None:
+    norm = math.sqrt(sum(part * part for part in parts))
+    orientation = [length * part / norm for part in parts] if norm > 1e-3 else [length, 0.0, 0.0, 0.0]
+    try:
+        update = protocol.decode(msgpack.packb(POSE | {"orientation": orientation}), protocol.PoseUpdate)
+    except ProtocolError:
+        return
+    protocol.pose_from_wire(axes, update.position, update.orientation)
+
+
 @given(st.data(), st.sampled_from(["HELLO", "CAMERA", "POSE"]))
 def test_whatever_stands_in_a_message_it_is_read_or_refused(data: st.DataObject, name: str) -> None:
     fields = msgpack.unpackb(msgpack.packb({"HELLO": HELLO, "CAMERA": CAMERA, "POSE": POSE}[name]))

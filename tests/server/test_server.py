@@ -129,6 +129,43 @@ def test_frames_in_pictures_out(url: str, cores: Cores) -> None:
     run(scenario)
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_the_engine_of_other_cameras_is_closed_when_nothing_is_asked_of_it_any_more(
+    url: str, cores: Cores, held: bool
+) -> None:
+    other = dataclasses.replace(SOURCE, cameras=CAMERAS[:1])
+
+    async def scenario() -> None:
+        async with connect(url, VIEWER) as (viewer, _):
+            async with connect(url, SOURCE) as (source, _):
+                await send_frame(source, 0)
+                await picture(viewer, 0)
+                if held:
+                    cores.made[0].rendering.close()
+                    await viewer.send(look(1))
+                    await asyncio.to_thread(cores.made[0].rendering.entered.wait, HANG_S)
+            for turn in range(3):
+                await come_and_go(url, other if turn % 2 == 0 else SOURCE)
+            if held:
+                assert not cores.made[0].closed
+                cores.made[0].rendering.open()
+            while [core.closed for core in cores.made] != [True, True, True, False]:
+                await asyncio.sleep(0.001)
+
+    async def come_and_go(url: str, hello: SourceHello) -> None:
+        while True:
+            try:
+                async with connect(url, hello) as (source, _):
+                    for number in range(len(hello.cameras)):
+                        await source.send(view(number, 0))
+                    await source.receive(FrameDone)
+                    return
+            except RefusedError:  # the last one is not gone yet
+                await asyncio.sleep(0.01)
+
+    run(scenario)
+
+
 def test_raw_pictures_are_exact(url: str) -> None:
     async def scenario() -> None:
         hello = ViewerHello.symmetric(31, 17, 1.5, encoding="raw")

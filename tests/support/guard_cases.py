@@ -396,10 +396,10 @@ def uncovering(rng: Rng, flush: str) -> Counts:
 def hostile(rng: Rng, flush: str) -> Counts:
     """Like `pipeline`, with absurd numbers that may come from outside: it may refuse them, but not fault or hang."""
     cameras = any_rig(rng)
-    for _ in range(rng.integers(0, 3)):
-        k = rng.integers(len(cameras))
-        cameras[k] = absurd_camera(rng, cameras[k])
     try:
+        for _ in range(rng.integers(0, 3)):
+            k = rng.integers(len(cameras))
+            cameras[k] = absurd_camera(rng, cameras[k])
         engine = engine_module.Engine(cameras, dataclasses.replace(any_settings(rng), pbi_scale=0.5))
     except ValueError:
         return {"refused": 1}

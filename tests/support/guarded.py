@@ -224,7 +224,7 @@ def guarding(flush: str, called: set[str]) -> Iterator[None]:
 def _known_arrays(flush: str) -> Iterator[None]:
     """Guard the flags that triangulators copy, and record which arrays are tiles."""
     from farside.engine.geometry.triangulation import Triangulator
-    from farside.engine.rendering import canvas, tiles
+    from farside.engine.rendering import tiles, warping
 
     triangulate, new_tiles = Triangulator.triangulate, tiles.new_tiles
 
@@ -238,10 +238,10 @@ def _known_arrays(flush: str) -> Iterator[None]:
         return made
 
     Triangulator.triangulate = guarded_cuts  # type: ignore[method-assign]
-    tiles.new_tiles = canvas.new_tiles = noted
+    tiles.new_tiles = warping.new_tiles = noted
     try:
         yield
     finally:
         Triangulator.triangulate = triangulate  # type: ignore[method-assign]
-        tiles.new_tiles = canvas.new_tiles = new_tiles
+        tiles.new_tiles = warping.new_tiles = new_tiles
         _TILES.clear()
