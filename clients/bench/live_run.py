@@ -119,7 +119,7 @@ def _running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, text=True)
         try:
             yield process
-            if process.poll() not in (None, 0, -15):
+            if process.poll() not in (None, 0, -15, 128 + 15):  # it was told to end
                 said.seek(0)
                 raise RuntimeError(f"{arguments[0]} ended with {process.returncode}: {said.read()[-2000:]}")
         finally:
