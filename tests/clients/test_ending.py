@@ -13,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from support.processes import is_gone
 
 HANG_S = 120.0
 SIGNALS = [signal.SIGINT, signal.SIGTERM]
@@ -43,13 +44,6 @@ def running(code: str, **environment: str) -> Iterator[subprocess.Popen[str]]:
             yield process
         finally:
             process.kill()
-
-
-def is_gone(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] in "ZX"
-    except OSError:
-        return True
 
 
 @pytest.mark.parametrize("number", SIGNALS)

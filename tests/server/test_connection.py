@@ -7,7 +7,7 @@ import gc
 import os
 import socket
 import struct
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection
 from contextlib import asynccontextmanager, closing
 from urllib.parse import urlsplit
 
@@ -17,7 +17,7 @@ from farside.engine.rig.camera import Camera, Perspective, Pose
 from farside.server import connection, poses
 from farside.server.pictures import encode_view
 from farside.server.protocol import MAX_HELLO_BYTES, PoseUpdate, SourceHello, ViewerHello, Welcome, decode, encode
-from support.doubles import CAMERAS, CODING, HANG_S, FakeCore, Gate, a_view
+from support.doubles import CAMERAS, CODING, HANG_S, FakeCore, a_view
 from support.serving import running
 from websockets.asyncio.client import connect as raw_connect
 from websockets.client import ClientProtocol
@@ -264,13 +264,6 @@ def frame_files(earlier: Collection[str] = ()) -> list[str]:
         except OSError:
             continue  # closed meanwhile
     return [path for path in found if path.startswith("/memfd:farside-") and path not in earlier]
-
-
-@pytest.fixture
-def gate() -> Iterator[Gate]:
-    gate = Gate()
-    yield gate
-    gate.open()
 
 
 @pytest.mark.parametrize("views", [0, 1, 2, 3])

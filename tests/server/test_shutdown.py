@@ -16,6 +16,7 @@ from farside.clients.connection import connect
 from farside.server.pictures import encode_view
 from farside.server.protocol import BufferFree, FrameDone, SourceHello, ViewerHello, Welcome
 from support.doubles import CAMERAS, a_view
+from support.processes import is_gone
 
 HANG_S = 120.0
 SOURCE = SourceHello("walls", 30.0, CAMERAS)
@@ -38,14 +39,6 @@ def serving(**environment: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
 def children(pid: int) -> list[int]:
     """Processes that a process has started."""
     return [int(child) for path in Path(f"/proc/{pid}/task").glob("*/children") for child in path.read_text().split()]
-
-
-def is_gone(pid: int) -> bool:
-    """Whether a process has ended; one that is stopped has not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] in "ZX"
-    except OSError:
-        return True
 
 
 async def play(url: str) -> None:
