@@ -15,8 +15,9 @@ from ..rig.camera import Perspective
 from ..rig.frame import Frame
 from ..rig.viewer import RenderedPicture
 from ..settings import Settings
+from ..support.runtime import one_thread
 from ..synth import Twin, make_twin, twin_frame
-from .stages import head_amid, one_thread
+from .stages import head_amid
 
 __all__ = ["Spared", "spared_rows"]
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
@@ -24,10 +23,10 @@ from ..rig.camera import Camera, Perspective, Pose
 from ..rig.frame import Frame
 from ..rig.viewer import StereoPicture, StereoView, home_pose
 from ..settings import Settings
-from ..support.runtime import set_thread_count, thread_count
+from ..support.runtime import one_thread
 from ..support.stages import Stages, timed
 
-__all__ = ["PHASES", "StageReport", "StageRow", "head_amid", "measure_stages", "one_thread"]
+__all__ = ["PHASES", "StageReport", "StageRow", "head_amid", "measure_stages"]
 
 PHASES = ("first frame", "later frame", "pair")
 _VIEWER = "head"
@@ -71,17 +70,6 @@ class StageReport:
     def as_dict(self) -> dict[str, object]:
         """The report as plain dictionaries and lists, for JSON."""
         return asdict(self)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Run kernels that this thread starts on this thread alone: CPU times then do not depend on the machine's load."""
-    threads = thread_count()
-    set_thread_count(1)
-    try:
-        yield
-    finally:
-        set_thread_count(threads)
 
 
 def head_amid(cameras: Sequence[Camera], pose: Pose | None = None) -> StereoView:
@@ -150,7 +138,7 @@ class _Run:
     def _render(self) -> None:
         """Render and encode a pair on all threads, then _REPEATS pairs on one thread, of which the fastest counts."""
         wall, _ = self._pair()
-        with one_thread():
+        with one_thread():  # CPU times then do not depend on the machine's load
             own, work = min((self._pair() for _ in range(_REPEATS)), key=lambda pair: pair[0].cpu["total"])
         both = Stages()
         for name in wall:

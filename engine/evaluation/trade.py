@@ -28,8 +28,9 @@ from ..pipeline.engine import Engine, Viewer
 from ..rig.frame import Frame, Texture
 from ..rig.viewer import RenderedPicture, StereoView
 from ..settings import PER_PICTURE, Settings
+from ..support.runtime import one_thread
 from .metrics import erp_range, iv_psnr, psnr
-from .stages import head_amid, one_thread
+from .stages import head_amid
 from .trade_variants import Variant
 from .twin_recording import TwinRecording, default_targets
 

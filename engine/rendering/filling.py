@@ -16,6 +16,7 @@ from ..kernels.rendering.records import Planes
 from ..kernels.rendering.tiles import TILE
 from ..rig.camera import Camera
 from ..support.array_types import I32
+from ..support.runtime import one_thread
 from .tiles import HoleMap, Tiles
 
 __all__ = ["fill", "rise_per_pixel"]
@@ -68,7 +69,9 @@ def _smooth_level(disparity: Plane, planes: tuple[Plane, Plane, Plane], near: Ti
     levels = empty_levels(disparity.shape, kernels.CELL)
     kernels.first_level(disparity, *planes, near, _BLOCK // kernels.CELL, levels[0])
     for fine, coarse in itertools.pairwise(levels):
-        (kernels.next_level if fine.size > _FEW else kernels.next_level_serially)(fine, coarse)
+        with one_thread(fine.size <= _FEW):
+            kernels.next_level(fine, coarse)
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
-        (kernels.refine_level if fine.size > _FEW else kernels.refine_level_serially)(coarse, fine)
+        with one_thread(fine.size <= _FEW):
+            kernels.refine_level(coarse, fine)
     return levels[0]

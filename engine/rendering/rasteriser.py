@@ -1,10 +1,9 @@
-"""Drawing meshes into a virtual camera's disparity: chooses the kernels and provides their scratch memory."""
+"""Drawing meshes into a virtual camera's disparity: calls the kernels and provides their scratch memory."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +12,8 @@ from ..geometry.mesh import Mesh
 from ..kernels.base.memory import BEYOND
 from ..kernels.rendering import blocks, rasterise, sorting, spherical
 from ..kernels.rendering.records import Bands, DepthBuffer, Regions, VisibleBlocks
+from ..support.array_types import I64
+from ..support.runtime import one_thread
 from .target import Target
 from .tiles import EVERYWHERE, Tiles
 
@@ -22,18 +23,6 @@ _NOTHING = np.empty((0, 0), np.float32)
 _BANDS = 16
 _CHUNKS = 4
 _FEW = 20000  # points and triangles below which threads cost more time than they save
-
-
-class _Kernels(NamedTuple):
-    place: Callable[..., None]
-    sort: Callable[..., None]
-    draw: Callable[..., None]
-
-
-_PARALLEL = _Kernels(blocks.place_points, sorting.sort_into_bands, rasterise.draw_bands)
-_SERIAL = _Kernels(
-    blocks.place_points_serially, sorting.sort_into_bands_serially, rasterise.draw_bands_serially
-)
 
 
 class Rasteriser:
@@ -61,17 +50,25 @@ class Rasteriser:
         (`kernels.rendering.sorting`); both from `tiles.new_tiles`, or EVERYWHERE. Returns the number of triangles
         drawn.
         """
-        camera, starts = target.packed, mesh.starts
+        starts = mesh.starts
         visible = np.empty(len(starts) - 1, np.int64)
-        visible = visible[: blocks.visible_blocks(mesh.spheres, camera, near, tiles, visible)]
+        visible = visible[: blocks.visible_blocks(mesh.spheres, target.packed, near, tiles, visible)]
         if len(visible) == 0:
             return 0
-        kernels = _SERIAL if (starts[visible + 1] - starts[visible]).sum() < _FEW else _PARALLEL
+        with one_thread((starts[visible + 1] - starts[visible]).sum() < _FEW):
+            nearer = self._room("_nearer", len(mesh.points) + BEYOND)
+            return self._draw(mesh, visible, target, number, near, margin, buffer, Regions(tiles, open_tiles, nearer))
+
+    def _draw(
+        self, mesh: Mesh, visible: I64, target: Target, number: int, near: float, margin: float, buffer: DepthBuffer,
+        regions: Regions,
+    ) -> int:  # fmt: skip
+        """Draw the visible blocks of a mesh."""
+        camera, starts = target.packed, mesh.starts
         screen = self._room("_screen", len(mesh.points) * 4).reshape(-1, 4)
-        nearer = self._room("_nearer", len(mesh.points) + BEYOND)
-        drawn_before = buffer.disparity if open_tiles.size else _NOTHING
-        kernels.place(
-            mesh.points, starts, visible, camera, drawn_before, margin, screen, nearer
+        drawn_before = buffer.disparity if regions.open_tiles.size else _NOTHING
+        blocks.place_points(
+            mesh.points, starts, visible, camera, drawn_before, margin, screen, regions.nearer
         )
         # Chunks of blocks with about as many triangles each.
         sums = np.concatenate([[0], np.cumsum(starts[visible + 1, 1] - starts[visible, 1])])
@@ -86,10 +83,9 @@ class Rasteriser:
             spherical.draw_bands(
                 screen, mesh.triangles, camera, target.directions, bands, number, margin, buffer
             )
-            return int(drawn.sum())
-        regions = Regions(tiles, open_tiles, nearer)
-        kernels.sort(screen, mesh.triangles, shown, camera, near, regions, bands, drawn)
-        kernels.draw(screen, mesh.triangles, camera, near, bands, number, margin, buffer)
+        else:
+            sorting.sort_into_bands(screen, mesh.triangles, shown, camera, near, regions, bands, drawn)
+            rasterise.draw_bands(screen, mesh.triangles, camera, near, bands, number, margin, buffer)
         return int(drawn.sum())
 
     def _room(self, name: str, size: int) -> npt.NDArray[Any]:

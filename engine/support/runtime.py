@@ -11,11 +11,15 @@ import ctypes
 import os
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import numba
+from numba.np.ufunc import parallel
 
-__all__ = ["give_way", "require_tbb", "set_thread_count", "thread_count"]
+from .cores import core_count
+
+__all__ = ["give_way", "one_thread", "require_tbb", "set_thread_count", "thread_count"]
 
 
 def _load_tbb() -> None:
@@ -26,15 +30,13 @@ def _load_tbb() -> None:
 
 _load_tbb()
 numba.config.THREADING_LAYER = "tbb"
+if "NUMBA_NUM_THREADS" not in os.environ:
+    numba.config.NUMBA_NUM_THREADS = core_count()  # Numba does not know of a container's quota
 
 
 def thread_count() -> int:
     """The number of threads of a kernel that this thread starts, and the most that a ray tracing device uses."""
-    return min(_available(), int(numba.get_num_threads()))
-
-
-def _available() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(core_count(), int(numba.get_num_threads()))
 
 
 def set_thread_count(count: int) -> None:
@@ -47,32 +49,33 @@ def set_thread_count(count: int) -> None:
     numba.set_num_threads(count)
 
 
+@contextlib.contextmanager
+def one_thread(when: bool = True) -> Iterator[None]:
+    """Run kernels that this thread starts on this thread alone, if `when` holds."""
+    threads = int(numba.get_num_threads())
+    if when:
+        numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(threads)
+
+
 def give_way(niceness: int) -> None:
     """Run the calling thread's kernels on one core fewer than available and at a lower priority.
 
     `niceness` is added to the niceness of the process (the sum is at most 19). Only Linux has a priority per thread.
     The threads that help with a kernel keep their priority; on two cores there are none, as one core is left free.
     """
-    set_thread_count(max(1, min(_available(), numba.config.NUMBA_NUM_THREADS) - 1))
+    set_thread_count(max(1, min(core_count(), numba.config.NUMBA_NUM_THREADS) - 1))
     if sys.platform == "linux":
         behind = min(os.getpriority(os.PRIO_PROCESS, os.getpid()) + niceness, 19)
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), behind)
 
 
-@numba.njit(parallel=True)  # type: ignore[untyped-decorator]
-def _touch(count: int) -> int:
-    total = 0
-    for i in numba.prange(count):
-        total += i
-    return total
-
-
 def require_tbb() -> None:
     """Starts the threading layer; raises RuntimeError if it is not TBB."""
-    try:
-        layer = numba.threading_layer()
-    except ValueError:  # no parallel kernel has run yet
-        _touch(2)
-        layer = numba.threading_layer()
+    parallel._launch_threads()
+    layer = numba.threading_layer()
     if layer != "tbb":
         raise RuntimeError(f"Numba's threading layer is {layer}: expected tbb (pip install tbb)")

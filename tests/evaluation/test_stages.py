@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from farside.clients.bench import stages
 from farside.engine.evaluation import stages as evaluation
-from farside.engine.evaluation.stages import PHASES, head_amid, measure_stages, one_thread
+from farside.engine.evaluation.stages import PHASES, head_amid, measure_stages
 from farside.engine.evaluation.twin_recording import TwinRecording, open_recording_or_twin
 from farside.engine.io.images import encode_jpeg
 from farside.engine.pipeline.engine import Engine
 from farside.engine.rig.camera import Perspective
 from farside.engine.settings import Settings
 from farside.engine.support import stages as stage_times
-from farside.engine.support.runtime import set_thread_count, thread_count
+from farside.engine.support.runtime import one_thread, set_thread_count, thread_count
 from farside.engine.support.stages import Stages, timed
 from farside.engine.synth import make_twin, write_twin
 from support.clocks import Clock

@@ -241,7 +241,7 @@ def test_filling_weighs_as_the_slow_twin_does(h, w, seed, scale):
     fine[..., 2:] = np.where(fine[..., :1] > 0, 64 + 876 * fine[..., 2:], 0)
     assume((fine[..., 0] > 0).any())
     level = np.empty(((h + 1) // 2, (w + 1) // 2, 5), np.float32)
-    fill_kernels.next_level_serially(fine, level)
+    fill_kernels.next_level(fine, level)
     expected = slow_pyramid.coarser(fine)
     # An eighth power in single precision and sums of four values: 32 roundings, of colours up to 1023.
     np.testing.assert_allclose(level[..., 0], expected[..., 0], rtol=32 * ROUNDED)
@@ -251,5 +251,5 @@ def test_filling_weighs_as_the_slow_twin_does(h, w, seed, scale):
     level[~known] = (1.0, scale, 512, 512, 512)
     colours = slow_pyramid.refined(level, fine)
     level[..., 0] = 1.0
-    fill_kernels.refine_level_serially(level, fine)
+    fill_kernels.refine_level(level, fine)
     np.testing.assert_allclose(fine[..., 2:], colours, atol=1023 * 64 * ROUNDED)

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from ...support.array_types import F64, I64, U8, U16
-from ..base.jit import inlined, inlined_late, parallel
+from ..base.jit import inlined, inlined_late, parallel, serial
 from ..base.tone import (
     CB_FROM_Y,
     CB_GAIN,
@@ -31,7 +31,7 @@ TILE = 64  # columns that are compared together before any is written
 PHASES = 8
 
 
-@inlined
+@serial
 def _any_set(flags: U8, bits: int) -> bool:
     found = np.uint8(0)
     for x in range(TILE):
@@ -39,7 +39,7 @@ def _any_set(flags: U8, bits: int) -> bool:
     return found & bits != 0
 
 
-@inlined
+@inlined_late
 def _pair_farther(pair: int, x0: int, new: U16, codes: U16, by_code: U16, margins: Margins) -> bool:
     """Whether any pixel is farther in TILE columns, from x0 on, of a pair of rows."""
     top, bottom, end = 2 * pair, min(2 * pair + 1, codes.shape[0] - 1), x0 + TILE
@@ -50,13 +50,20 @@ def _pair_farther(pair: int, x0: int, new: U16, codes: U16, by_code: U16, margin
         above = perhaps_farther(new_top[x], top_codes[x], margins)
         below = perhaps_farther(new_bottom[x], bottom_codes[x], margins)
         perhaps = np.uint16(perhaps | above | below)
-    if perhaps == 0:
-        return False
-    lowest, found = margins[0], False
+    return perhaps != 0 and _any_farther(new_top, new_bottom, top_codes, bottom_codes, by_code, margins[0])
+
+
+# Not `inlined`: where the CPU has no gathers, unrolled loads from a table are as much code as all the rest.
+@serial
+def _any_farther(
+    new_top: U16, new_bottom: U16, top_codes: U16, bottom_codes: U16, by_code: U16, lowest: int
+) -> bool:
     for x in range(TILE):
-        found |= np.uint16(new_top[x] - lowest) < by_code[top_codes[x]]
-        found |= np.uint16(new_bottom[x] - lowest) < by_code[bottom_codes[x]]
-    return found
+        if np.uint16(new_top[x] - lowest) < by_code[top_codes[x]]:
+            return True
+        if np.uint16(new_bottom[x] - lowest) < by_code[bottom_codes[x]]:
+            return True
+    return False
 
 
 @inlined

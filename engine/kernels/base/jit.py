@@ -12,10 +12,20 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.dispatcher import Dispatcher
 
 from .kernel_cache import keeping
+from .outline import outline
+from .share import share
 
 __all__ = ["inlined", "inlined_late", "parallel", "serial"]
+
+
+class _Private(Dispatcher):
+    """A kernel that has no entry for Python."""
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        raise TypeError(f"{self.py_func.__name__}: called from Python: its name starts with _, so only kernels call it")
 
 
 def _decorator(**options: Any) -> Any:
@@ -25,7 +35,12 @@ def _decorator(**options: Any) -> Any:
         if function is None:
             return functools.partial(decorate, **more)
         with keeping(Path(function.__code__.co_filename)) as kept:
-            return numba.njit(cache=kept, error_model="numpy", **options, **more)(function)
+            private = function.__name__.startswith("_")
+            wrappers = {"no_cpython_wrapper": private, "no_cfunc_wrapper": True}  # a third of a small kernel's code
+            made = numba.njit(cache=kept, error_model="numpy", **wrappers, **options, **more)(function)
+        if private and isinstance(made, Dispatcher):
+            made.__class__ = _Private
+        return made
 
     return decorate
 
@@ -33,8 +48,20 @@ def _decorator(**options: Any) -> Any:
 serial = _decorator(nogil=True)
 """One thread; other Python threads run meanwhile."""
 
-parallel = _decorator(parallel=True, nogil=True)
-"""Loops over `numba.prange` are shared among the threads of the pool."""
+
+
+def parallel(function: Any = None, **more: Any) -> Any:
+    """Loops over `numba.prange` are shared among the threads of the pool; they write into arrays only (`outline`)."""
+    if function is None:
+        return functools.partial(parallel, **more)
+    if numba.config.DISABLE_JIT:
+        return serial(function, **more)
+    outlined, module = outline(function, "_share"), function.__globals__
+    module["_share"] = share
+    for name, loop in outlined.loops.items():
+        module[name] = serial(loop, **more)
+    return serial(outlined.caller, **more)
+
 
 inlined = _decorator(inline="always")
 """Becomes part of its callers before they are typed: tuples stay in registers, callers' options count."""

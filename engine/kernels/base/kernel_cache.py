@@ -1,8 +1,11 @@
 """Where compiled kernels are kept from run to run.
 
 Numba notices that a kernel's own file has changed. It does not notice a change of a function in another file that has
-become a part of the kernel. So the kernels of a file are kept in a folder named after the contents of all files that it
-imports, directly or not. These folders are below the user's cache folder: an installation is often not writable.
+become a part of the kernel, its folders hang on the path of the installation, and of two processes that keep kernels of
+one function at the same time, one is forgotten. So we keep them ourselves: each kernel, with its types and the CPU, in
+a file of its own, in a folder named after the contents of all files that the kernel's file imports, directly or not.
+These folders can be moved and copied. They are below the user's cache folder, as an installation is often not writable.
+Folders that came with the installation are read, too.
 """
 
 from __future__ import annotations
@@ -11,80 +14,21 @@ import contextlib
 import functools
 import hashlib
 import os
-import platform
-import re
-import shutil
-import sys
+import pickle
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-import llvmlite
 import numba
+from numba.core import caching
+from numba.core.serialize import dumps
 
-__all__ = ["base_folder", "digest", "keeping"]
+from ...support.kernel_folders import SHIPPED, base_folder, digest, tell_once
 
-_KEPT_S = 30 * 24 * 3600.0  # a folder that no run has used for this long is removed
-_TOLD = "_FARSIDE_TOLD_THAT_NO_KERNELS_ARE_KEPT"
-_ENGINE = Path(__file__).resolve().parents[2]
-_VERSIONS = f"{numba.__version__} {llvmlite.__version__} {platform.python_version()}"
-_IMPORT = re.compile(r"^from (\.+)([\w.]*) import", re.MULTILINE)
+__all__ = ["keeping"]
 
-
-def digest(source: Path) -> str:
-    """What the kernels of a file depend on, in 16 characters: it, all files that it imports, and the compiler."""
-    found = hashlib.sha256(_VERSIONS.encode())
-    for path in sorted(_all_imported(source.resolve())):
-        found.update(f"{os.path.relpath(path, _ENGINE)}\0".encode() + path.read_bytes() + b"\0")
-    return found.hexdigest()[:16]
-
-
-def _all_imported(source: Path) -> set[Path]:
-    """A file and the files that it imports, directly or not."""
-    found, left = {source}, [source]
-    while left:
-        new = _imported(left.pop()) - found
-        found |= new
-        left += new
-    return found
-
-
-@functools.cache
-def _imported(source: Path) -> frozenset[Path]:
-    """Files that a file imports from our packages; of a package, all files."""
-    found: set[Path] = set()
-    for dots, name in _IMPORT.findall(source.read_text("utf-8")):
-        place = source.parents[len(dots) - 1].joinpath(*name.split("."))
-        found |= set(place.glob("*.py")) if place.is_dir() else {place.with_suffix(".py")}
-    return frozenset(path for path in found if path.is_file())
-
-
-@functools.cache
-def base_folder() -> Path | None:
-    """The folder below which kernels are kept; None if none is writable, which is said on the error output.
-
-    $NUMBA_CACHE_DIR, if that is set and writable, otherwise `farside/kernels` in the user's cache folder:
-    $XDG_CACHE_HOME, or .cache in the home folder.
-    """
-    for base in _bases():
-        with contextlib.suppress(OSError):
-            base.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=base).close()
-            _remove_old(base)
-            return base
-    if _TOLD not in os.environ:
-        os.environ[_TOLD] = "1"  # child processes need not say it again
-        said = "no place for compiled kernels is writable, so every run compiles them"
-        print(f"farside: {said}: set XDG_CACHE_HOME to a folder that is", file=sys.stderr)
-    return None
-
-
-def _bases() -> Iterator[Path]:
-    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        yield Path(chosen)
-    with contextlib.suppress(RuntimeError):  # there is no home
-        yield Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "farside" / "kernels"
+_DIGEST_BYTES = hashlib.sha256().digest_size
 
 
 @contextlib.contextmanager
@@ -93,29 +37,100 @@ def keeping(source: Path) -> Iterator[bool]:
 
     Other functions of the process that Numba compiles are kept where they were.
     """
-    base, before = base_folder(), numba.config.CACHE_DIR
-    folder = None if base is None else _folder(base, source)
+    own, shipped = _folders(base_folder(), source)
+    if own is None and not shipped:
+        yield False
+        return
+    before = numba.config.CACHE_LOCATOR_CLASSES, caching.IndexDataCacheFile
+    numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.Place"
+    caching.IndexDataCacheFile = functools.partial(Kept, own, shipped)
     try:
-        if folder is not None:
-            numba.config.CACHE_DIR = str(folder)
-        yield folder is not None
+        yield True
     finally:
-        numba.config.CACHE_DIR = before
+        numba.config.CACHE_LOCATOR_CLASSES, caching.IndexDataCacheFile = before
 
 
 @functools.cache
-def _folder(base: Path, source: Path) -> Path | None:
-    folder = base / f"{source.stem}-{digest(source)}"
-    try:
-        folder.mkdir(exist_ok=True)
-        os.utime(folder)  # it is in use
-    except OSError:
-        return None
-    return folder
-
-
-def _remove_old(base: Path) -> None:
-    for folder in base.glob("*-" + "[0-9a-f]" * 16):
+def _folders(base: Path | None, source: Path) -> tuple[Path | None, list[Path]]:
+    """The folder into which kernels of a file are written, if there is one, and those that came with Farside."""
+    name = f"{source.stem}-{digest(source)}"
+    shipped = [folder for folder in SHIPPED.glob(f"*/{name}") if folder.is_dir()]
+    if base is not None:
         with contextlib.suppress(OSError):
-            if time.time() - folder.stat().st_mtime > _KEPT_S:
-                shutil.rmtree(folder, ignore_errors=True)
+            (base / name).mkdir(exist_ok=True)
+            os.utime(base / name)  # it is in use
+            return base / name, shipped
+    return None, shipped
+
+
+class Place(caching._CacheLocator):  # type: ignore[misc]
+    """What Numba asks about the place of a function's kernels; `Kept` knows the rest."""
+
+    def __init__(self, line: int) -> None:
+        self._line = line
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> Place:
+        """Of a function."""
+        return cls(py_func.__code__.co_firstlineno)
+
+    def ensure_cache_path(self) -> None:
+        """There is one."""
+
+    def get_cache_path(self) -> str:
+        """Not used."""
+        return ""
+
+    def get_source_stamp(self) -> str:
+        """Nothing: the folder is named after the contents of the files."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """Tells functions of one name apart."""
+        return str(self._line)
+
+
+class Kept:
+    """The kept kernels of one function."""
+
+    def __init__(
+        self, own: Path | None, shipped: list[Path], cache_path: str, filename_base: str, source_stamp: str
+    ) -> None:
+        self._own, self._name = own, filename_base
+        self._folders = [*([own] if own else []), *shipped]
+
+    def _file(self, key: Any) -> str:
+        """The name of a kernel's file; key: types, CPU, hashes of the function."""
+        return f"{self._name}.{hashlib.sha256(str(key).encode()).hexdigest()[:16]}.nbc"
+
+    def load(self, key: Any) -> Any:
+        """A kernel as Numba keeps it, or None: there is none, or it is damaged."""
+        for folder in self._folders:
+            with contextlib.suppress(OSError):
+                whole = (folder / self._file(key)).read_bytes()
+                known, data = whole[:_DIGEST_BYTES], whole[_DIGEST_BYTES:]
+                if known == _sum_of(key, data):
+                    return pickle.loads(data)
+        return None
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep a kernel, if that is possible now. Other processes see all of it or nothing."""
+        if self._own is None:
+            return
+        packed = dumps(data)
+        try:
+            with tempfile.NamedTemporaryFile(dir=self._own, prefix=".", delete=False) as file:
+                file.write(_sum_of(key, packed) + packed)
+            os.chmod(file.name, 0o644)
+            os.replace(file.name, self._own / self._file(key))
+        except OSError as error:
+            tell_once(f"a kernel is not kept: {error}")
+
+    def flush(self) -> None:
+        """Forget the kernels of the function."""
+        for path in self._own.glob(f"{self._name}.*.nbc") if self._own else ():
+            path.unlink(missing_ok=True)
+
+
+def _sum_of(key: Any, data: bytes) -> bytes:
+    return hashlib.sha256(str(key).encode() + b"\0" + data).digest()

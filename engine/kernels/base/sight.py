@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...support.array_types import F64
 from ...support.packed import HEIGHT, WIDTH
-from .jit import inlined
+from .jit import inlined, inlined_late
 from .memory import load_u16
 from .project import project_point
 from .tolerance import Delta, delta_at
@@ -25,7 +25,7 @@ def _image(row: F64, x: float, y: float, z: float, delta: Delta) -> tuple[int, f
     return (iy * int(row[WIDTH]) + ix if ix >= 0 and iy >= 0 else -1), depth, margin
 
 
-@inlined
+@inlined_late
 def looks_through(row: F64, codes: int, x: float, y: float, z: float, delta: Delta, texels: int = 4) -> bool:
     """Whether a view sees past a point: at least `texels` of the four texels round its image are farther by more than
     delta.
@@ -43,7 +43,7 @@ def looks_through(row: F64, codes: int, x: float, y: float, z: float, delta: Del
     return farther >= texels
 
 
-@inlined
+@inlined_late
 def shows(row: F64, codes: int, x: float, y: float, z: float, delta: Delta) -> bool:
     """Whether the four texels round a point's image are one surface that passes within delta of the point.
 

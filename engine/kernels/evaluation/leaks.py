@@ -33,7 +33,7 @@ def count_leaks(
 ) -> tuple[int, int, int]:
     """The number of rays, of `rays` each, that hit nothing: from random cameras [n, 20] towards the insides of random
     triangles, towards their sides, and towards their corners."""
-    inside, sides, corners = 0, 0, 0
+    missed = np.zeros((rays, 3), np.uint8)
     for i in numba.prange(rays):
         a = _random(np.uint64(seed) + np.uint64(i) * np.uint64(3))
         b = _random(a)
@@ -51,11 +51,8 @@ def count_leaks(
                 y += share * points[triangle[corner], 1]
                 z += share * points[triangle[corner], 2]
             u, v, _depth = project_point(camera, x, y, z)
-            missed = farthest_hit(tracer, camera, u, v)[0] < 0.0
-            inside += missed and kind == 0
-            sides += missed and kind == 1
-            corners += missed and kind == 2
-    return inside, sides, corners
+            missed[i, kind] = farthest_hit(tracer, camera, u, v)[0] < 0.0
+    return missed[:, 0].sum(), missed[:, 1].sum(), missed[:, 2].sum()
 
 
 @parallel

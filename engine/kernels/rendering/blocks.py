@@ -15,7 +15,7 @@ from ..base.project import point_in_camera
 from ..base.simd import LANES, Mask, lane_numbers, to_integers
 from .tiles import TILE
 
-__all__ = ["bound_blocks", "place_points", "place_points_serially", "visible_blocks"]
+__all__ = ["bound_blocks", "place_points", "visible_blocks"]
 
 
 @serial
@@ -130,7 +130,8 @@ def _mark_nearer(screen: F32, first: int, last: int, disparity: F32, margin: flo
         store_byte_where(nearer.ctypes.data, i, 0, among & ~found)
 
 
-def _place_points(
+@parallel
+def place_points(
     points: F32, starts: I64, visible: I64, camera: F64, disparity: F32, margin: float, screen: F32, nearer: U8
 ) -> None:
     """Points of visible blocks -> screen [n, 4]: u, v, disparity, and the depth along the view axis.
@@ -145,8 +146,3 @@ def _place_points(
         _transform(points, first, last, camera, screen)
         if disparity.size > 0:
             _mark_nearer(screen, first, last, disparity, margin, nearer)
-
-
-# One thread is quicker where there is little to draw.
-place_points = parallel(_place_points)
-place_points_serially = serial(_place_points)

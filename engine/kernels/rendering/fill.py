@@ -20,10 +20,8 @@ __all__ = [
     "fade_into_smooth",
     "first_level",
     "next_level",
-    "next_level_serially",
     "pack_420",
     "refine_level",
-    "refine_level_serially",
 ]
 
 
@@ -104,7 +102,8 @@ def _weigh(disparity: F32, luma: F32, chroma_b: F32, chroma_r: F32, top: int, le
     _store(cell, total, farthest, sum_y, sum_b, sum_r)
 
 
-def _next_level(fine: F32, level: F32) -> None:
+@parallel
+def next_level(fine: F32, level: F32) -> None:
     """The next coarser level of the pyramid."""
     h, w = fine.shape[0], fine.shape[1]
     for j in numba.prange(level.shape[0]):
@@ -123,11 +122,6 @@ def _next_level(fine: F32, level: F32) -> None:
                         sum_b += share * fine[y, x, 3]
                         sum_r += share * fine[y, x, 4]
             _store(level[j, i], total, farthest, sum_y, sum_b, sum_r)
-
-
-# One thread is quicker for the coarser levels.
-next_level = parallel(_next_level)
-next_level_serially = serial(_next_level)
 
 
 @inlined
@@ -170,7 +164,8 @@ def _sample(coarse: F32, row: float, column: float) -> tuple[float, float, float
     return sum_y / total, sum_b / total, sum_r / total
 
 
-def _refine_level(coarse: F32, fine: F32) -> None:
+@parallel
+def refine_level(coarse: F32, fine: F32) -> None:
     """Complete a level from the coarser one, which is complete and supplies the weight that a cell lacks."""
     for j in numba.prange(fine.shape[0]):
         for i in range(fine.shape[1]):
@@ -183,11 +178,6 @@ def _refine_level(coarse: F32, fine: F32) -> None:
                 fine[j, i, 0] = 1.0
                 if fine[j, i, 1] == np.inf:
                     fine[j, i, 1] = coarse[j // 2, i // 2, 1]
-
-
-# One thread is quicker for the coarser levels.
-refine_level = parallel(_refine_level)
-refine_level_serially = serial(_refine_level)
 
 
 @parallel

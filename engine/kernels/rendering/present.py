@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...support.array_types import F64
 from ...support.packed import HEIGHT, WIDTH
-from ..base.jit import inlined
+from ..base.jit import inlined_late
 from ..base.memory import load_u16
 from ..base.project import project_point, unproject_point
 from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE
@@ -20,7 +20,7 @@ _STEPS = 4
 _CROSSES = 0.125
 
 
-@inlined
+@inlined_late
 def present_depth(row: F64, codes: int, camera: F64, x: int, y: int, depth: float) -> float:
     """The depth at which a view's surface crosses a pixel's ray, searched from the guess `depth` on; 0: none is found.
 

@@ -21,7 +21,7 @@ from .records import Bands, DepthBuffer, Rows
 from .sorting import winding
 from .strips import CLIPPED, SET_UP_SIZE, draw_triangle, prepared, row_count, set_up
 
-__all__ = ["draw_bands", "draw_bands_serially"]
+__all__ = ["draw_bands"]
 
 
 @serial
@@ -92,7 +92,8 @@ def _draw_listed(
                 draw_triangle(triangle, disparity.ctypes.data, winner.ctypes.data, w, margin_, view)
 
 
-def _draw_bands(
+@parallel
+def draw_bands(
     screen: F32, triangles: I32, camera: F64, near: float, bands: Bands, view: int, margin: float, buffer: DepthBuffer
 ) -> None:
     """Draw sorted triangles; `margin`: how much nearer than a drawn surface they must be to win, disparity (1/m)."""
@@ -108,6 +109,3 @@ def _draw_bands(
             _draw_listed(screen, triangles, listed, camera, near, rows, view, margin, buffer, ready)
 
 
-# One thread is quicker where there is little to draw.
-draw_bands = parallel(_draw_bands)
-draw_bands_serially = serial(_draw_bands)

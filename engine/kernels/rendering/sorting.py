@@ -26,7 +26,7 @@ from .records import Bands, Regions, VisibleBlocks
 from .strips import Corners, corners, extent, on_screen
 from .tiles import HOLE, SILHOUETTE, TILE
 
-__all__ = ["sort_into_bands", "sort_into_bands_serially", "winding"]
+__all__ = ["sort_into_bands", "winding"]
 
 # For triangles up to this size, testing the three corners is enough.
 _SMALL_PX = 3.0
@@ -101,7 +101,8 @@ def _look_at(
     return shows | crosses, select(crosses, spread(0.0), first), select(crosses, spread(height - 1), last)
 
 
-def _sort_into_bands(
+@parallel
+def sort_into_bands(
     screen: F32, triangles: I32, blocks: VisibleBlocks, camera: F64, near: float, regions: Regions, bands: Bands,
     drawn: I64,
 ) -> None:  # fmt: skip
@@ -136,6 +137,3 @@ def _sort_into_bands(
                         counts[chunk, band] += 1
 
 
-# One thread is quicker where there is little to draw.
-sort_into_bands = parallel(_sort_into_bands)
-sort_into_bands_serially = serial(_sort_into_bands)

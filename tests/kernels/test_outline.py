@@ -1,0 +1,137 @@
+"""Parallel loops become functions of their own, which do what the loops do, on any number of threads."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+from farside.engine.kernels.base.jit import parallel, serial
+from farside.engine.kernels.base.outline import outline
+from farside.engine.support.runtime import one_thread, set_thread_count, thread_count
+from numba import prange
+
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+
+
+def sums(a, b, factor=3):
+    more = factor + 1
+    for i in numba.prange(a.shape[0]):
+        total = 0.0
+        for x in range(a.shape[1]):
+            total += a[i, x]
+        b[i] = total * more
+    for i in prange(2, a.shape[0]):
+        if a[i, 0] < 0:
+            continue
+        b[i] += i
+
+
+def count(a, least):
+    found = 10
+    for row in numba.prange(a.shape[0]):
+        for x in range(a.shape[1]):
+            if a[row, x] >= least:
+                found += 1
+    return found
+
+
+def by_level(levels, a):
+    for level in range(levels):
+        share = level + 1
+        for i in numba.prange(a.shape[0]):
+            a[i] += share
+
+
+def takes_last(a):
+    last = 0
+    for i in numba.prange(a.shape[0]):
+        last = i
+    return last
+
+
+def returns(a):
+    for i in numba.prange(a.shape[0]):
+        if a[i] > 0:
+            return i
+    return -1
+
+
+def multiplies(a):
+    product = 1
+    for i in numba.prange(a.shape[0]):
+        product *= a[i]
+    return product
+
+
+def note_threads(numbers):
+    for i in numba.prange(numbers.shape[0]):
+        numbers[i] = numba.get_thread_id()
+
+
+def fails(a):
+    for i in numba.prange(a.shape[0]):
+        if a[i] > 0:
+            raise ValueError("positive")
+        a[i] = 1
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2, 3, 7, 1000])
+@pytest.mark.parametrize("threads", [1, thread_count()])
+def test_loops_do_what_they_do_uncompiled(rows: int, threads: int) -> None:
+    before, a = thread_count(), np.random.default_rng(rows).normal(size=(rows, 5))
+    expected, got = np.zeros(rows), np.zeros(rows)
+    sums(a, expected)
+    steps_expected, steps = np.zeros(rows), np.zeros(rows)
+    by_level(3, steps_expected)
+    set_thread_count(threads)
+    try:
+        parallel(sums)(a, got)
+        parallel(by_level)(3, steps)
+        assert parallel(count)(a, 0.5) == count(a, 0.5)
+    finally:
+        set_thread_count(before)
+    np.testing.assert_allclose(got, expected, rtol=1e-12)
+    np.testing.assert_array_equal(steps, steps_expected)
+
+
+@pytest.mark.parametrize("function", [takes_last, returns, multiplies])
+def test_loops_that_do_more_than_write_and_count_are_refused(function) -> None:
+    with pytest.raises(ValueError, match=rf"{function.__name__}, line \d+: .*expected"):
+        outline(function, "share")
+
+
+def test_an_exception_in_any_part_is_told() -> None:
+    kernel = parallel(fails)
+    for where in (0, 99):
+        a = np.zeros(100)
+        a[where] = 1
+        with pytest.raises(RuntimeError, match="a part of a parallel loop failed"):
+            kernel(a)
+    kernel(np.zeros(100))
+
+
+def test_each_thread_takes_a_part() -> None:
+    """As many threads work as the calling one may use: their numbers are those of the pool."""
+    numbers = np.full(1000, -1)
+    kernel = parallel(note_threads)
+    kernel(numbers)
+    assert 1 <= len(set(numbers)) <= thread_count()
+    with one_thread():
+        kernel(numbers)
+    assert len(set(numbers)) == 1
+
+
+def _private(x):
+    return x + 1
+
+
+def test_a_private_kernel_is_called_by_kernels_only() -> None:
+    inner = serial(_private)
+
+    @numba.njit
+    def outer(x):
+        return inner(x)
+
+    assert outer(1) == 2
+    with pytest.raises(TypeError, match="_private: called from Python"):
+        inner(1)
