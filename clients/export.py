@@ -5,22 +5,24 @@ from __future__ import annotations
 import json
 import urllib.error
 import urllib.request
+from http.client import HTTPResponse
 from pathlib import Path
 from typing import Annotated
 from urllib.parse import quote
 
 import typer
+from farside.engine.io.mesh_files import FORMATS, colours_of
 from farside.engine.io.recording import open_recording
 from farside.engine.settings import Settings
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import Progress, TaskID
 
 from .connection import base_url
 from .replay import parse_sources
 
 __all__ = ["command"]
 
-FORMATS = ("glb", "ply")
+_PIECE = 1 << 20  # bytes between two looks at the progress
 
 
 def command(
@@ -28,6 +30,10 @@ def command(
         str, typer.Argument(metavar="URL|SEQ", help="A server's address or a sequence's folder.")
     ],
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="The file to write, .glb or .ply.")],
+    colours: Annotated[
+        str | None,
+        typer.Option(help="texture (only .glb, its default) or vertex: a smaller file with blurred colours."),
+    ] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Sequences only: number of frames (default: all).")] = None,
     sources: Annotated[
         str | None, typer.Option(help="Sequences only: source views, like v0,v3 (default: all).")
@@ -35,23 +41,31 @@ def command(
     quality: Annotated[str, typer.Option(help="Sequences only: fast, balanced, best or paper.")] = "balanced",
     token: Annotated[str, typer.Option(envvar="FARSIDE_TOKEN", help="The server's token.")] = "",
 ) -> None:
-    """Write the background model of a live server, or of a sequence, as a mesh."""
-    if mesh.suffix[1:] not in FORMATS:
+    """Write the background model of a live server, or of a sequence, as a mesh.
+
+    Units are metres. GLB: y up, -z forward, colours not lit; PLY: x forward, y left, z up, colours of vertices in sRGB.
+    """
+    suffix = mesh.suffix[1:]
+    if suffix not in FORMATS:
         raise ValueError(f"mesh: {mesh.name}: expected a name that ends in .glb or .ply")
+    if not mesh.parent.is_dir():
+        raise ValueError(f"mesh: {mesh}: expected a file in a folder that exists")
+    colours = colours_of(suffix, colours)
     if "://" in where:
-        data = _of_server(where, mesh.suffix[1:], token)
+        data = _of_server(where, suffix, colours, token)
     else:
-        data = _of_sequence(Path(where), mesh.suffix[1:], frames, sources, Settings.preset(quality))
+        data = _of_sequence(Path(where), suffix, colours, frames, sources, Settings.preset(quality))
     mesh.write_bytes(data)
     print(f"{mesh}: {len(data)} bytes")
 
 
-def _of_server(url: str, suffix: str, token: str) -> bytes:
-    address = f"{base_url(url, 'http')}/mesh.{suffix}?token={quote(token)}"
+def _of_server(url: str, suffix: str, colours: str, token: str) -> bytes:
+    address = f"{base_url(url, 'http')}/mesh.{suffix}?colours={colours}&token={quote(token)}"
     try:
-        with urllib.request.urlopen(address, timeout=120) as answer:
-            data: bytes = answer.read()
-            return data
+        with _progress() as bar:
+            task = bar.add_task("waiting for the server to make the file", total=None)
+            with urllib.request.urlopen(address, timeout=120) as answer:
+                return _received(answer, bar, task)
     except urllib.error.HTTPError as error:
         with error:
             raise ValueError(
@@ -59,6 +73,19 @@ def _of_server(url: str, suffix: str, token: str) -> bytes:
             ) from error
     except urllib.error.URLError as error:
         raise ConnectionError(f"no server at {url}: {error.reason}") from error
+
+
+def _received(answer: HTTPResponse, bar: Progress, task: TaskID) -> bytes:
+    """The body of an answer; raises ConnectionError if it ends too early."""
+    size = int(answer.headers["Content-Length"])
+    bar.update(task, total=size, description="receiving")
+    data = bytearray()
+    while piece := answer.read(_PIECE):
+        data += piece
+        bar.update(task, completed=len(data))
+    if len(data) != size:
+        raise ConnectionError(f"the server's answer: {len(data)} bytes: expected {size}")
+    return bytes(data)
 
 
 def _detail(body: bytes) -> str:
@@ -69,18 +96,22 @@ def _detail(body: bytes) -> str:
 
 
 def _of_sequence(
-    path: Path, suffix: str, frames: int | None, sources: str | None, settings: Settings
+    path: Path, suffix: str, colours: str, frames: int | None, sources: str | None, settings: Settings
 ) -> bytes:
     sequence = open_recording(path)
     names = parse_sources(sequence, sources)
     count = min(frames or sequence.frame_count, sequence.frame_count)
-    with Progress(console=Console(stderr=True)) as bar:
+    with _progress() as bar:
         task = bar.add_task("loading the engine", total=count)
-        from farside.engine.io.mesh_files import to_glb, to_ply
         from farside.engine.pipeline.engine import Engine  # imported late: compiled kernels take a moment to load
 
         engine = Engine([sequence.camera(name) for name in names], settings, f_vin=sequence.fps)
         for index, frame in enumerate(sequence.frames(0, count, names)):
             engine.update(frame)
             bar.update(task, completed=index + 1, description="building the model")
-        return {"glb": to_glb, "ply": to_ply}[suffix](engine.mesh())
+        bar.add_task("making the file", total=None)
+        return engine.export(suffix, colours)
+
+
+def _progress() -> Progress:
+    return Progress(console=Console(stderr=True))

@@ -92,7 +92,7 @@ def _add_http(app: FastAPI) -> None:
             raise HTTPException(401, "token: another: expected the server's token")
         if format_name not in MEDIA_TYPES:
             raise HTTPException(404, f"format: {format_name}: expected glb or ply")
-        return await export_mesh(_service(app), format_name)
+        return await export_mesh(_service(app), format_name, request.query_params.get("colours"))
 
 
 def _add_sockets(app: FastAPI) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from farside.engine.io.mesh_files import colours_of
 from fastapi import HTTPException, Response
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
@@ -17,10 +18,19 @@ __all__ = ["MEDIA_TYPES", "export_mesh", "export_metrics"]
 MEDIA_TYPES = {"glb": "model/gltf-binary", "ply": "application/octet-stream"}
 
 
-async def export_mesh(service: Service, format_name: str) -> Response:
-    """The model as a file in `format_name` ("glb" or "ply"); raises HTTPException 409 before the first frame."""
+async def export_mesh(service: Service, format_name: str, colours: str | None) -> Response:
+    """The model as a file in `format_name` ("glb" or "ply"), with its colours in a texture or at the vertices
+    (`io.mesh_files.colours_of`).
+
+    Raises HTTPException: 400 for colours that the format does not have, 409 before the first frame and for a model that
+    the format cannot hold.
+    """
     try:
-        data = await service.live.mesh(format_name)
+        colours = colours_of(format_name, colours)
+    except ValueError as error:
+        raise HTTPException(400, str(error)) from error
+    try:
+        data = await service.live.mesh(format_name, colours)
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
     headers = {"Content-Disposition": f'attachment; filename="background.{format_name}"'}

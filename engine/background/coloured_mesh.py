@@ -1,8 +1,8 @@
-"""The PBS as a mesh with colours, for export."""
+"""The PBS as a mesh with colours at its vertices, for export."""
 
 from __future__ import annotations
 
-from ..io.mesh_files import ColouredMesh, srgb_from_ycbcr
+from ..io.coloured_meshes import ColouredMesh, srgb_from_ycbcr
 from ..support.array_types import F64
 from .capture import Captures
 from .pbs import ProbableBackgroundSurface

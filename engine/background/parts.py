@@ -8,7 +8,7 @@ import numpy as np
 
 from ..geometry.prepared_view import ViewTable
 from ..geometry.scene_scale import Scene
-from ..io.mesh_files import ColouredMesh
+from ..io.coloured_meshes import ColouredMesh, TexturedMesh
 from ..rig.camera import Camera
 from ..rig.frame import Frame
 from ..settings import Settings
@@ -22,6 +22,7 @@ from .pbi import BackgroundImage, render_pbi
 from .pbs import ProbableBackgroundSurface
 from .ray_tracer import RayTracer
 from .reference_cameras import ReferenceCameras
+from .textured_mesh import textured_mesh
 from .tolerances import FollowedTolerances, Tolerances
 from .viewing_space import ViewingSpace
 
@@ -112,5 +113,9 @@ class ModelParts:
         )  # fmt: skip
 
     def mesh(self) -> ColouredMesh:
-        """The valid triangles with the colours of their captures; copies. Any thread may call this at any time."""
+        """The valid triangles with colours at their vertices; copies. Any thread may call this at any time."""
         return coloured_mesh(self._pbs, self._captures, self._origin)
+
+    def textured_mesh(self) -> TexturedMesh:
+        """The valid triangles with the pictures of their captures; copies. Any thread may call this at any time."""
+        return textured_mesh(self._pbs, self._captures, self._origin)

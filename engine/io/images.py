@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from os import PathLike
 
 import numpy as np
+import numpy.typing as npt
 import simplejpeg
 from PIL import Image
 
@@ -13,7 +14,7 @@ from ..kernels.rendering import colour as kernels
 from ..rig.frame import Texture
 from ..rig.texture import from_rgb, to_rgb
 
-__all__ = ["ENCODINGS", "decode_jpeg", "encode_jpeg", "encode_picture", "split_planes", "write_png"]
+__all__ = ["ENCODINGS", "decode_jpeg", "encode_jpeg", "encode_picture", "encode_rgb_jpeg", "split_planes", "write_png"]
 
 ENCODINGS = ("jpeg", "raw")
 
@@ -50,6 +51,12 @@ def encode_jpeg(texture: Texture, quality: int = 90) -> bytes:
     y, cb, cr = np.empty((2 * half[0], 2 * half[1]), np.uint8), np.empty(half, np.uint8), np.empty(half, np.uint8)
     kernels.jpeg_planes(texture.y, texture.cb, texture.cr, y, cb, cr)
     data: bytes = simplejpeg.encode_jpeg_yuv_planes(y[:h, :w], cb, cr, quality=quality, fastdct=True)
+    return data
+
+
+def encode_rgb_jpeg(rgb: npt.NDArray[np.uint8], quality: int) -> bytes:
+    """JFIF bytes of R'G'B' uint8 [h, w, 3], with chroma at full resolution (4:4:4)."""
+    data: bytes = simplejpeg.encode_jpeg(rgb, quality=quality, colorspace="RGB", colorsubsampling="444", fastdct=False)
     return data
 
 

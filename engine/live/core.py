@@ -63,8 +63,11 @@ class Core(Protocol):
     def retune(self, settings: Settings) -> None:
         """Use other settings from the next picture on; returns at once."""
 
-    def mesh(self, file_format: str) -> bytes:
-        """The background model as a file: glb or ply (`io.mesh_files`). Raises ValueError if there is no model yet."""
+    def mesh(self, file_format: str, colours: str | None = None) -> bytes:
+        """The background model as a file: glb or ply, colours in a texture or at the vertices (`io.mesh_files`).
+
+        Raises ValueError for other formats or colours, and if there is no model yet.
+        """
 
     def close(self) -> None:
         """End the core; no method is called after this."""
@@ -97,11 +100,9 @@ class LocalCore:
         """Set the settings of the next picture."""
         self._engine.retune(settings)
 
-    def mesh(self, file_format: str) -> bytes:
-        """The background model as a file."""
-        from ..io.mesh_files import to_file
-
-        return to_file(self._engine.mesh(), file_format)
+    def mesh(self, file_format: str, colours: str | None = None) -> bytes:
+        """The background model as a file (`Engine.export`)."""
+        return self._engine.export(file_format, colours)
 
     def close(self) -> None:
         """End the engine's threads."""

@@ -112,9 +112,9 @@ class ProcessCore:
         except OSError as error:
             raise self._lost() from error
 
-    def mesh(self, file_format: str) -> bytes:
+    def mesh(self, file_format: str, colours: str | None = None) -> bytes:
         """The background model as a file, made in that process."""
-        data: bytes = self._ask(_call, "mesh", file_format)
+        data: bytes = self._ask(_call, "mesh", file_format, colours)
         return data
 
     def run(self, work: Callable[..., Any], *arguments: Any) -> Any:

@@ -262,7 +262,7 @@ class Live(AbstractAsyncContextManager["Live"]):
             for core in filter(None, (self.shown, self._core)):
                 core.retune(self.governor.rung.settings)
 
-    async def mesh(self, file_format: str) -> bytes:
+    async def mesh(self, file_format: str, colours: str | None = None) -> bytes:
         """The background model as a file (`Core.mesh`), made in a thread of its own; ValueError before the first frame.
         """
         core = self.shown
@@ -270,7 +270,7 @@ class Live(AbstractAsyncContextManager["Live"]):
             raise ValueError("mesh: there is none before the first frame: expected a source to be playing")
         loop = asyncio.get_running_loop()
         with self._using(core):
-            return await loop.run_in_executor(self._exports, core.mesh, file_format)
+            return await loop.run_in_executor(self._exports, core.mesh, file_format, colours)
 
     @property
     def viewer_count(self) -> int:

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..background.model import BackgroundModel
-from ..io.mesh_files import ColouredMesh
+from ..io.coloured_meshes import ColouredMesh, TexturedMesh
+from ..io.mesh_files import colours_of, to_file
 from ..rendering.cpu_renderer import CpuRenderer
 from ..rendering.renderer import Renderer
 from ..rig.camera import Camera
@@ -123,10 +124,15 @@ class Engine:
         return render_camera(self._newest(), camera, viewer)
 
     def mesh(self) -> ColouredMesh:
-        """The background model as it is now; any thread may call this. ValueError before the first frame."""
-        if self.model is None:
-            raise ValueError("mesh: there is no background model yet: no frame was received")
-        return self.model.mesh()
+        """The background model as it is now, with colours at its vertices; any thread may call this.
+
+        Raises ValueError before the first frame.
+        """
+        return self._modelled().mesh()
+
+    def textured_mesh(self) -> TexturedMesh:
+        """As `mesh`, with colours in pictures at the resolution of the views."""
+        return self._modelled().textured_mesh()
 
     def status(self) -> dict[str, Any]:
         """Figures for people and monitors: the frame shown and the model's size."""
@@ -140,6 +146,20 @@ class Engine:
     def close(self) -> None:
         """End the threads."""
         self._renderer.close()
+
+    def export(self, file_format: str = "glb", colours: str | None = None) -> bytes:
+        """The background model as the bytes of a file: glb or ply, with colours in a texture or at the vertices.
+
+        Defaults and axes are those of `io.mesh_files.colours_of` and `to_file`. Raises ValueError for other formats or
+        colours, before the first frame, and for a model that the format cannot hold.
+        """
+        textured = colours_of(file_format, colours) == "texture"
+        return to_file(self.textured_mesh() if textured else self.mesh(), file_format)
+
+    def _modelled(self) -> BackgroundModel:
+        if self.model is None:
+            raise ValueError("mesh: there is no background model yet: no frame was received")
+        return self.model
 
     def _newest(self) -> FrontBuffer:
         front = self.front

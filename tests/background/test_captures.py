@@ -9,7 +9,7 @@ import pytest
 from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbs import ProbableBackgroundSurface
 from farside.engine.geometry.scene_scale import Scene
-from farside.engine.io.mesh_files import srgb_from_ycbcr
+from farside.engine.io.coloured_meshes import srgb_from_ycbcr
 from farside.engine.kernels.base.tone import IDENTITY
 from farside.engine.rig.camera import Pose
 from farside.engine.rig.frame import Frame, View
@@ -65,7 +65,7 @@ def test_triangles_of_the_first_capture_keep_its_colours():
     there = ~np.isnan(depth)
     assert there.mean() > 0.8
     np.testing.assert_array_equal(luma[there], WALL_Y)
-    expected = srgb_from_ycbcr(np.array([[WALL_Y, WALL_Y // 2, WALL_Y // 2 + 1]]))
+    expected = srgb_from_ycbcr(np.array([[WALL_Y, WALL_Y // 2, WALL_Y // 2 + 1]], np.float32))
     np.testing.assert_array_equal(model.mesh().colours, np.broadcast_to(expected, model.mesh().colours.shape))
     for index in range(2, 6):  # turns at its new place do not change that
         report = model.update(Frame(index, (wall(second, LATER_Y, gap=True),)))
@@ -87,7 +87,8 @@ def test_what_the_second_capture_uncovers_has_its_own_colours():
     np.testing.assert_array_equal(luma[outside & ~np.isnan(depth)], WALL_Y)
     colours = np.unique(model.mesh().colours, axis=0)
     expected = [[[y, y // 2, y // 2 + 1]] for y in (WALL_Y, LATER_Y)]
-    np.testing.assert_array_equal(colours, np.sort([srgb_from_ycbcr(np.array(one))[0] for one in expected], axis=0))
+    expected = srgb_from_ycbcr(np.array(expected, np.float32).reshape(-1, 3))
+    np.testing.assert_array_equal(colours, np.sort(expected, axis=0))
 
 
 def test_a_camera_that_only_moved_keeps_its_first_capture_and_adds_nothing():

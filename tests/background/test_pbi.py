@@ -10,7 +10,9 @@ from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbi import enlarged, imaginary_camera
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.scene_scale import Scene
-from farside.engine.io.mesh_files import ColouredMesh, srgb_from_ycbcr, to_glb, to_ply
+from farside.engine.io.coloured_meshes import ColouredMesh, srgb_from_ycbcr
+from farside.engine.io.glb import to_glb
+from farside.engine.io.mesh_files import to_ply
 from farside.engine.kernels.background.uncovered import CELL
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
@@ -164,18 +166,18 @@ def test_the_exported_mesh_is_the_wall_in_its_colour():
     cameras = camera_row()
     mesh = model_of(cameras, frame(0, cameras)).mesh()
     np.testing.assert_allclose(mesh.vertices[:, 0], WALL_X, atol=0.01)
-    expected = srgb_from_ycbcr(np.array([[WALL_Y, WALL_Y // 2, WALL_Y // 2 + 1]]))
+    expected = srgb_from_ycbcr(np.array([[WALL_Y, WALL_Y // 2, WALL_Y // 2 + 1]], np.float32))
     np.testing.assert_array_equal(mesh.colours, np.broadcast_to(expected, mesh.colours.shape))
 
 
 def test_files_hold_the_mesh_in_their_axes():
     vertices = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
-    colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.uint8)
-    mesh = ColouredMesh(vertices, np.array([[0, 1, 2]], np.int32), colours)
+    colours = 255 * np.eye(3, dtype=np.uint8)
+    mesh = ColouredMesh(vertices, np.array([[0, 1, 2]], np.int32), np.eye(3, dtype=np.float32))
     glb = trimesh.load_scene(io.BytesIO(to_glb(mesh)), file_type="glb").to_mesh()
     # Forward (x) is -z in glTF, left (y) is -x, up (z) is y; a rotation, so that winding stays.
     np.testing.assert_allclose(glb.vertices, [[0, 0, -1], [-2, 0, 0], [0, 3, 0]], atol=1e-6)
-    np.testing.assert_array_equal(glb.visual.vertex_colors[:, :3], colours)
+    np.testing.assert_array_equal(glb.faces, mesh.triangles)
     ply = trimesh.load(io.BytesIO(to_ply(mesh)), file_type="ply")
     np.testing.assert_allclose(ply.vertices, vertices, atol=1e-6)
     np.testing.assert_array_equal(ply.visual.vertex_colors[:, :3], colours)
@@ -184,12 +186,12 @@ def test_files_hold_the_mesh_in_their_axes():
 
 def test_bt709_limited_range_becomes_srgb():
     ycbcr = np.array([[64, 512, 512], [940, 512, 512], [64 + 876 * 0.2126, 512 - 896 * 0.1146, 512 + 448]])
-    np.testing.assert_array_equal(srgb_from_ycbcr(ycbcr), [[0, 0, 0], [255, 255, 255], [255, 0, 0]])
+    np.testing.assert_allclose(srgb_from_ycbcr(ycbcr), [[0, 0, 0], [1, 1, 1], [1, 0, 0]], atol=1e-4)
 
 
 def test_joined_meshes_keep_only_the_vertices_in_use():
     corner = np.eye(3)
-    colours = np.zeros((3, 3), np.uint8)
+    colours = np.zeros((3, 3), np.float32)
     used = ColouredMesh(corner, np.array([[0, 1, 2]], np.int32), colours)
     unused = ColouredMesh(corner + 5, np.empty((0, 3), np.int32), colours)
     joined = ColouredMesh.joined([unused, used])

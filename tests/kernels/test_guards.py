@@ -191,6 +191,7 @@ def test_the_engine_stays_within_all_of_its_arrays(child):
     assert counts["backdrop"] > 24 * 20
     assert counts["rays"] > 24 * 500
     assert counts["mesh"] > 24 * 50
+    assert counts["pages"] >= 24 * 0.9
 
 
 def test_the_background_stays_within_its_arrays_when_it_is_uncovered(child):
@@ -232,6 +233,7 @@ COVERED = {
     "background/exposure": ("pipeline",),
     "background/hidden": ("pipeline",),
     "background/pbi": ("pipeline",),
+    "background/texture_pages": ("pipeline",),
     "background/triangle_filter": ("pipeline",),
     "background/uncovered": ("pipeline",),
     "geometry/changes": ("triangulating", "shading"),
@@ -255,8 +257,8 @@ INSIDE = {
     "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangle_words"),
     "base/sight": ("background/standing", "rendering/backdrop"),
     "base/memory": (
-        "background/captures", "background/culling", "background/pbi", "background/uncovered", "rendering/backdrop",
-        "rendering/blocks", "rendering/shade", "rendering/sorting",
+        "background/captures", "background/culling", "background/pbi", "background/texture_pages",
+        "background/uncovered", "rendering/backdrop", "rendering/blocks", "rendering/shade", "rendering/sorting",
     ),
     "geometry/rims": ("geometry/triangulate",),
     "geometry/triangle_words": ("geometry/triangulate",),

@@ -10,8 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from farside.engine.io.glb import to_glb
 from farside.engine.io.images import decode_jpeg, encode_jpeg, split_planes
-from farside.engine.io.mesh_files import to_glb, to_ply
+from farside.engine.io.mesh_files import to_ply
 from farside.engine.live.core import Core, LocalCore, make_local_core
 from farside.engine.live.core_process import ProcessCore
 from farside.engine.pipeline.engine import Engine
@@ -88,7 +89,8 @@ def test_frames_in_encoded_pairs_out_and_figures_with_every_update(core: Core, e
     luma = np.frombuffer(split_planes(raw.right, 40, 48)[0], "<u2").reshape(40, 48)
     np.testing.assert_array_equal(luma, engine.render(HEAD, "a").right.texture.y)
     mesh = engine.mesh()
-    assert (core.mesh("ply"), core.mesh("glb")) == (to_ply(mesh), to_glb(mesh))
+    assert (core.mesh("ply"), core.mesh("glb", "vertex")) == (to_ply(mesh), to_glb(mesh))
+    assert core.mesh("glb") == core.mesh("glb", "texture") == to_glb(engine.textured_mesh())
 
 
 def test_what_does_not_fit_is_refused_and_nothing_has_changed(core: Core) -> None:
@@ -104,6 +106,8 @@ def test_what_does_not_fit_is_refused_and_nothing_has_changed(core: Core) -> Non
         core.picture(HEAD, "a", "webp")
     with pytest.raises(ValueError, match="format: 'stl': expected one of glb, ply"):
         core.mesh("stl")
+    with pytest.raises(ValueError, match="colours: 'texture': expected vertex for ply"):
+        core.mesh("ply", "texture")
     assert core.picture(HEAD, "a", "raw").left == before
 
 

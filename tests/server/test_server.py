@@ -275,6 +275,13 @@ def test_status_metrics_and_mesh(url: str, monkeypatch: pytest.MonkeyPatch) -> N
     assert np.allclose(glb.bounds, [[-1, 0, -1], [0, 1, -1]])  # glTF's axes: forward is -z, left is -x
     ply = trimesh.load(io.BytesIO(fetch(f"{url}/mesh.ply")), file_type="ply")
     assert np.allclose(ply.bounds, [[1, 0, 0], [1, 1, 1]])
+    for query, attribute in {"": "TEXCOORD_0", "?colours=texture": "TEXCOORD_0", "?colours=vertex": "COLOR_0"}.items():
+        assert f'"{attribute}"'.encode() in fetch(f"{url}/mesh.glb{query}")
+    for name, value, expected in (("glb", "sepia", "one of texture, vertex"), ("ply", "texture", "vertex for ply")):
+        with pytest.raises(urllib.error.HTTPError, match="400") as caught:
+            fetch(f"{url}/mesh.{name}?colours={value}")
+        assert f"colours: '{value}': expected {expected}" in json.load(caught.value)["detail"]
+        caught.value.close()
     metrics = fetch(f"{url}/metrics").decode()
     assert 'farside_frames_total{outcome="updated"} 1.0' in metrics
     assert f'farside_stage_ms{{quantile="0.95",stage="ingest"}} {TICK_MS}' in metrics

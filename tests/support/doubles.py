@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from farside.engine.io.images import encode_picture
-from farside.engine.io.mesh_files import ColouredMesh, to_file
+from farside.engine.io.coloured_meshes import ColouredMesh, TexturedMesh, TexturedPart, TexturePage
+from farside.engine.io.images import encode_picture, encode_rgb_jpeg
+from farside.engine.io.mesh_files import colours_of, to_file
 from farside.engine.live.core import Look, Source, Updated
 from farside.engine.rig.camera import Camera, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
@@ -113,10 +114,13 @@ class FakeCore:
     def retune(self, settings: Settings) -> None:
         self.settings = settings
 
-    def mesh(self, file_format: str) -> bytes:
-        vertices = np.array([[1.0, 0, 0], [1, 1, 0], [1, 0, 1]])
-        mesh = ColouredMesh(vertices, np.array([[0, 1, 2]], np.int32), np.full((3, 3), 128, np.uint8))
-        return to_file(mesh, file_format)
+    def mesh(self, file_format: str, colours: str | None = None) -> bytes:
+        vertices, triangles = np.array([[1.0, 0, 0], [1, 1, 0], [1, 0, 1]]), np.array([[0, 1, 2]], np.int32)
+        if colours_of(file_format, colours) == "vertex":
+            return to_file(ColouredMesh(vertices, triangles, np.full((3, 3), 0.5, np.float32)), file_format)
+        page = TexturePage(encode_rgb_jpeg(np.full((8, 8, 3), 128, np.uint8), 90), 8, 8)
+        part = TexturedPart(vertices, triangles, np.array([[1, 1], [7, 1], [1, 7]], np.float32), page)
+        return to_file(TexturedMesh((part,)), file_format)
 
     def close(self) -> None:
         self.closed = True

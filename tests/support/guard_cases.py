@@ -356,6 +356,7 @@ def play(rng: Rng, engine: engine_module.Engine, video: list[Frame]) -> Counts:
             counts["backdrop"] += int(((eye.disparity > 0) & (eye.winner >= len(eye.report.views))).sum())
     if engine.model is not None:
         counts["mesh"] = len(engine.mesh().vertices)
+        counts["pages"] = len(engine.textured_mesh().parts)
     return counts
 
 

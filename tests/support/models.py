@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 from farside.engine.background.model import BackgroundModel
 from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.settings import Settings
+from PIL import Image
 from support.rooms import WALL_X
 
 SETTINGS = Settings(n_init=3, n_update=1)
@@ -22,6 +25,13 @@ def pbi_of(model, camera):
     because a view's triangles end at the centres of its outermost pixels."""
     view = model.render_pbi(camera).view
     return view.camera.depth.depth(view.codes)[1:-1, 1:-1], view.texture.y[1:-1, 1:-1]
+
+
+def picture_of(page):
+    """The pixels of a page of textures, int [h, w, 3]."""
+    with Image.open(io.BytesIO(page.jpeg)) as image:
+        assert image.size == (page.width, page.height)
+        return np.asarray(image).astype(int)
 
 
 def near_points(model, limit=WALL_X - 0.5):

@@ -12,6 +12,7 @@ from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbi import uncovered_cells
 from farside.engine.background.ray_tracer import EmbreeTracer
 from farside.engine.background.surface import Surface
+from farside.engine.background.texture_pages import Part, arrange, paint
 from farside.engine.background.viewing_space import ViewingSpace
 from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
@@ -22,6 +23,7 @@ from farside.engine.kernels.evaluation.leaks import count_leaks, farthest_distan
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.frame import Frame, Texture, View
 from farside.engine.settings import Settings
+from support.models import picture_of
 from support.rooms import BOX_X, CODING, WALL_X, camera_row, see
 
 Named = Iterator[tuple[str, np.ndarray]]
@@ -97,6 +99,8 @@ def _shown(label: str, model: BackgroundModel, present: ViewTable | None) -> Nam
         yield f"{label} {name} cb", view.texture.cb
     mesh = model.mesh()
     yield f"{label} mesh", np.array([mesh.vertices[:, 0].min() > 1.0, len(mesh.vertices) > 20])
+    part = Part(0, -4, -4, 24, 16)
+    yield f"{label} page", picture_of(*paint([part], arrange([part]), model._captures))
     yield f"{label} memory", np.array([size > 0 for size in model.memory.values()])
 
 

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import trimesh
 
-from ...io.mesh_files import to_glb, to_ply
+from ...io.mesh_files import to_file
 from ...rig.camera import Camera, Perspective, Pose
 from .case import Case, Measured
 from .pictures import Shot, against_home, take
@@ -60,7 +60,7 @@ def _exported(kind: str, offset: float) -> list[Measured]:
     """
     _picture, engine = take(Shot(_TARGET, rig()), Placement(pose=_offset(offset)))
     mesh = engine.mesh()
-    data = io.BytesIO((to_glb if kind == "glb" else to_ply)(mesh))
+    data = io.BytesIO(to_file(mesh, kind))
     read = trimesh.load_scene(data, file_type=kind, process=False).to_mesh()
     expected = mesh.vertices
     if kind == "glb":
