@@ -34,9 +34,9 @@ class BackgroundModel(ModelParts):
     """The S-PBS from the first frame and the P-PBS from surfaces that later frames uncover; it renders probable
     background images.
 
-    `update`, `state` and `render_pbi` are called by one thread at a time, `mesh` and `counts` by any thread. A camera
-    that has moved since its capture began adds nothing more; its earlier triangles stay as long as other cameras find
-    them. tracer: the ray tracer; None: Embree.
+    `update`, `state` and `render_pbi` are called by one thread at a time, `mesh`, `textured_mesh` and `counts` by any
+    thread. A camera that has moved since its capture began adds nothing more; its earlier triangles stay as long as
+    other cameras find them. tracer: the ray tracer; None: Embree.
     """
 
     def update(self, frame: Frame, tones: F64 | None = None) -> UpdateReport:
