@@ -133,9 +133,13 @@ def test_the_commands_play_together(sequence: Sequence, tmp_path: Path) -> None:
         assert "video frames 1 to 1" in seen.stdout
         assert "latency" in seen.stdout
         assert list(tmp_path.glob("*_right.png"))
-        export = farside("export", url, tmp_path / "model.ply")
-        assert export.returncode == 0, export.stderr
-        assert len(trimesh.load(tmp_path / "model.ply").faces) > 100
+        faces = set()
+        for name, options in {"model.ply": (), "texture.glb": (), "vertex.glb": ("--colours", "vertex")}.items():
+            export = farside("export", url, tmp_path / name, *options)
+            assert export.returncode == 0, export.stderr
+            faces.add(len(trimesh.load(tmp_path / name, force="mesh").faces))
+        assert len(faces) == 1
+        assert faces.pop() > 100
     gone = farside("replay", sequence.folder, url, "--patience", 0)
     assert gone.returncode == 2
     assert gone.stderr.splitlines()[-1].startswith(f"farside: no server at {url}")
@@ -143,11 +147,34 @@ def test_the_commands_play_together(sequence: Sequence, tmp_path: Path) -> None:
 
 def test_a_sequence_exports_without_a_server(sequence: Sequence, tmp_path: Path) -> None:
     sources = ",".join(sequence.source_names[:2])
-    done = farside("export", sequence.folder, tmp_path / "model.glb", "--frames", 1, "--sources", sources)
-    assert done.returncode == 0, done.stderr
-    assert len(trimesh.load(tmp_path / "model.glb", force="mesh").faces) > 100
-    wrong = farside("export", sequence.folder, tmp_path / "model.obj")
-    assert (wrong.returncode, "expected a name that ends in .glb or .ply" in wrong.stderr) == (2, True)
+    counts = set()
+    for name, colours, attribute in (("a", (), "TEXCOORD_0"), ("b", ("--colours", "vertex"), "COLOR_0")):
+        path = tmp_path / f"{name}.glb"
+        done = farside("export", sequence.folder, path, "--frames", 1, "--sources", sources, *colours)
+        assert done.returncode == 0, done.stderr
+        assert "making the file" in done.stderr
+        assert f'"{attribute}"'.encode() in path.read_bytes()
+        counts.add(len(trimesh.load(path, force="mesh").faces))
+    assert len(counts) == 1
+    assert counts.pop() > 100
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("model.obj", (), "mesh: model.obj: expected a name that ends in .glb or .ply"),
+        ("nowhere/model.glb", (), "model.glb: expected a file in a folder that exists"),
+        ("model.glb", ("--colours", "sepia"), "colours: 'sepia': expected one of texture, vertex"),
+        ("model.ply", ("--colours", "texture"), "colours: 'texture': expected vertex for ply, which holds no pictures"),
+    ],
+)
+def test_an_export_that_cannot_be_is_refused_at_once(
+    name: str, options: tuple[str, ...], message: str, sequence: Sequence, tmp_path: Path
+) -> None:
+    wrong = farside("export", sequence.folder, tmp_path / name, *options)
+    assert wrong.returncode == 2
+    assert message in wrong.stderr
+    assert "building the model" not in wrong.stderr
 
 
 def test_the_demo_runs_and_stops(tmp_path: Path) -> None:
