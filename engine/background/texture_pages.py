@@ -52,15 +52,15 @@ class Pages:
 
 
 def arrange(parts: Sequence[Part], side: int = PAGE_SIDE) -> Pages:
-    """Places parts in pages of at most `side` x `side` texels, in rows of falling height, so that few texels stay
-    empty. Raises ValueError for a part that is larger than that."""
+    """Places parts in rows of falling height in as few pages of at most `side` x `side` texels as that takes, and of
+    these in the smallest and squarest. Raises ValueError for a part that is larger than that."""
     for part in parts:
         if max(part.width, part.height) > side:
             raise ValueError(f"part: {part}: expected at most {side} x {side} pixels")
     widest = max((part.width for part in parts), default=1)
     widths = [1 << k for k in range(_power(widest).bit_length() - 1, side.bit_length())]
     found = [_rows(parts, width, side) for width in widths]
-    return min(found, key=lambda pages: (sum(w * h for w, h in pages.sizes), max(map(max, pages.sizes), default=0)))
+    return min(found, key=_cost)
 
 
 def paint(parts: Sequence[Part], pages: Pages, captures: Captures) -> list[TexturePage]:
@@ -77,6 +77,12 @@ def paint(parts: Sequence[Part], pages: Pages, captures: Captures) -> list[Textu
             )
         painted.append(TexturePage(encode_rgb_jpeg(rgb, _QUALITY), width, height))
     return painted
+
+
+def _cost(pages: Pages) -> tuple[int, int, int]:
+    """The number of pages, their texels, and the longest side."""
+    texels = sum(width * height for width, height in pages.sizes)
+    return len(pages.sizes), texels, max(map(max, pages.sizes), default=0)
 
 
 def _power(size: int) -> int:
