@@ -17,7 +17,7 @@ from .texture_pages import Part, arrange, paint
 __all__ = ["BLOCK", "textured_mesh"]
 
 BLOCK = 128  # pixels: triangles of a capture share a part of its picture by blocks; a multiple of triangles' legs
-_PAD = 4  # pixels round the used ones: what filters of textures read at half and a quarter of the resolution
+_PAD = 4  # pixels round the used ones: what programs read that halve textures by themselves, as Blender does
 
 
 def textured_mesh(pbs: ProbableBackgroundSurface, captures: Captures, origin: F64) -> TexturedMesh:

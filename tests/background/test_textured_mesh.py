@@ -87,18 +87,19 @@ def test_every_place_of_a_triangle_has_the_pictures_colour():
 
 def test_no_colour_crosses_a_depth_edge():
     """Two walls, the nearer one with a window: white and black. Each vertex has the colour of its own wall."""
-    (camera,) = camera_row(1, size=(200, 150))
-    plain = wall_with_window(camera)
-    depth = camera.depth.depth(plain.codes)
-    luma = np.where(depth > 4.5, 940, 64).astype(np.uint16)
-    grey = np.full((75, 100), 512, np.uint16)
-    model = model_of([camera], [View(camera, Texture(luma, grey, grey), plain.codes)], model_rims=True)
+    cameras, views, grey = camera_row(3, size=(200, 150)), [], np.full((75, 100), 512, np.uint16)
+    for camera in cameras:
+        codes = wall_with_window(camera).codes
+        luma = np.where(camera.depth.depth(codes) > 4.5, 940, 64).astype(np.uint16)
+        views.append(View(camera, Texture(luma, grey, grey), codes))
+    model = model_of(cameras, views)
+    rims = [(surface.mesh.uv % 1 != 0.5).any(axis=1) for surface in model._pbs.surfaces()]
+    assert sum(map(np.count_nonzero, rims)) > 100  # vertices at which a filter would take half of each wall
     (part,) = model.textured_mesh().parts
     found = at(picture_of(part.picture), part.uv)[:, 1]
     far = part.vertices[:, 0] > 4.5
-    assert far.any()
-    assert not far.all()
-    np.testing.assert_allclose(found, np.where(far, 255, 0), atol=12)  # a JPEG swings at such edges
+    assert min(far.sum(), (~far).sum()) > 100
+    np.testing.assert_allclose(found, np.where(far, 255, 0), atol=25)  # a JPEG swings at such edges
 
 
 def test_a_picture_that_wraps_is_continued_on_its_other_side():
@@ -116,11 +117,10 @@ def test_a_picture_that_wraps_is_continued_on_its_other_side():
     uv, _ = camera.project(part.vertices)
     found = at(picture, part.uv)[:, 1]
     column = uv[:, 0] % 256
-    bright = (column > 1) & (column < 19)
-    dark = (column > 21) & (column < 255)
-    assert min(bright.sum(), dark.sum()) > 10
-    np.testing.assert_allclose(found[bright], 255 * (800 - 64) / 876, atol=LOSS)
-    np.testing.assert_allclose(found[dark], 255 * (300 - 64) / 876, atol=LOSS)
+    at_seam = part.vertices[abs(column - 0.5) < 0.1]
+    assert len(np.unique(at_seam.round(4), axis=0)) < len(at_seam)  # the same places from either side of the picture
+    expected = np.where(column < 20, 255 * (800 - 64) / 876, 255 * (300 - 64) / 876)
+    np.testing.assert_allclose(found, expected, atol=10)  # a JPEG swings at such edges
 
 
 def test_surfaces_of_an_older_capture_keep_its_picture():
