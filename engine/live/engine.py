@@ -263,13 +263,13 @@ class Live(AbstractAsyncContextManager["Live"]):
                 core.retune(self.governor.rung.settings)
 
     async def mesh(self, file_format: str, colours: str | None = None) -> bytes:
-        """The background model as a file (`Core.mesh`), made in a thread of its own; ValueError before the first frame.
-        """
+        """The background model as a file (`Core.mesh`), made while pictures come first; ValueError if there is none."""
         core = self.shown
         if core is None:
             raise ValueError("mesh: there is none before the first frame: expected a source to be playing")
         loop = asyncio.get_running_loop()
         with self._using(core):
+            await loop.run_in_executor(self._exports, core.give_way, GENTLE)
             return await loop.run_in_executor(self._exports, core.mesh, file_format, colours)
 
     @property

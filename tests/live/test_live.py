@@ -297,6 +297,24 @@ def test_one_source_is_opened_after_the_other() -> None:
     run(scenario)
 
 
+def test_an_export_gives_way() -> None:
+    niceness: list[int] = []
+
+    class Nice(FakeCore):
+        def mesh(self, *given: Any) -> bytes:
+            niceness.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+            return super().mesh(*given)
+
+    async def scenario() -> None:
+        async with Live(Nice) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            assert (await live.mesh("ply")).startswith(b"ply")
+
+    run(scenario)
+    assert niceness == [min(os.getpriority(os.PRIO_PROCESS, os.getpid()) + GENTLE, 19)]
+
+
 def test_the_back_end_gives_way_until_it_takes_too_long_and_cores_are_closed_in_the_end() -> None:
     niceness: list[int] = []
     patience = Patience()
