@@ -64,18 +64,26 @@ validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])), { maxI
 
 
 @functools.cache
-def node_modules() -> Path:
-    """The folder of the fetched packages; skips the test where npm is missing or cannot fetch them."""
+def fetched() -> Path | str:
+    """The folder of the fetched packages, or why there is none."""
     if shutil.which("npm") is None:
-        pytest.skip("there is no npm (apt-get install npm)")
+        return "there is no npm (apt-get install npm)"
     folder = Path(tempfile.mkdtemp(prefix="farside-three-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    options = "--no-save --no-package-lock --no-audit --no-fund --ignore-scripts --fetch-retries=1"
+    options = "--no-save --no-package-lock --no-audit --no-fund --ignore-scripts --fetch-retries=0"
     command = ["npm", "install", *options.split(), "--prefix", folder, *PACKAGES]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        pytest.skip(f"npm cannot fetch {', '.join(PACKAGES)}: {done.stderr[-300:]}")
+        return f"npm cannot fetch {', '.join(PACKAGES)}: {done.stderr.strip().splitlines()[0]}"
     return folder / "node_modules"
+
+
+def node_modules() -> Path:
+    """The folder of the fetched packages; skips the test where npm is missing or cannot fetch them."""
+    found = fetched()
+    if isinstance(found, str):
+        pytest.skip(found)
+    return found
 
 
 def complaints(glb: bytes, folder: Path) -> list[dict[str, Any]]:
