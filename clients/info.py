@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from farside.engine.io.tmiv import find_video
 from farside.engine.io.tmiv_check import check_sequence
-from farside.engine.io.tmiv_json import Description, TmivError, find_json, parse_json
+from farside.engine.io.tmiv_json import Description, TmivError, find_json, read_json
+from farside.engine.io.video_files import Kind, find_video
+from farside.engine.io.yuv import RawVideo
 from farside.engine.rig.camera import Camera, Perspective
 from rich.console import Console
 from rich.markup import escape
@@ -27,9 +28,9 @@ def command(
     problems = check_sequence(sequence)
     try:
         file = find_json(sequence)
-        description, _ = parse_json(file.read_text("utf-8"), file.stem)
+        description, _ = read_json(file)
         _show(console, description, file.parent)
-    except (TmivError, OSError, UnicodeDecodeError):
+    except (TmivError, OSError):
         pass  # check_sequence has reported it
     for line in problems:
         console.print(f"[red]problem[/] {escape(line)}", soft_wrap=True, highlight=False)
@@ -46,18 +47,18 @@ def _show(console: Console, description: Description, folder: Path) -> None:
     for name, camera in description.cameras.items():
         role = "source" if name in sources else "virtual"
         role += ", moving" if name in description.pose_files else ""
-        table.add_row(escape(name), role, *_row(camera, folder))
+        table.add_row(escape(name), role, *_row(camera, folder, description))
     console.print(table)
 
 
-def _row(camera: Camera, folder: Path) -> list[str]:
+def _row(camera: Camera, folder: Path, description: Description) -> list[str]:
     p, d = camera.projection, camera.depth
     if isinstance(p, Perspective):
         projection = f"perspective, focal {p.fx:.6g} {p.fy:.6g}"
     else:
         spans = [round(math.degrees(high - low), 3) for low, high in (p.hor_range, p.ver_range)]
         projection = f"equirectangular, {spans[0]:g} x {spans[1]:g}°"
-    texture, depth = find_video(folder, camera, "texture"), find_video(folder, camera, "depth")
+    texture, depth = (_video(folder, camera, kind, description) for kind in ("texture", "depth"))
     counts = sorted({video.frame_count for video in (texture, depth) if video})
     return [
         f"{p.width}x{p.height}",
@@ -67,3 +68,10 @@ def _row(camera: Camera, folder: Path) -> list[str]:
         depth.format.name if depth else "-",
         "/".join(map(str, counts)) or "-",
     ]
+
+
+def _video(folder: Path, camera: Camera, kind: Kind, description: Description) -> RawVideo | None:
+    try:
+        return find_video(folder, camera, kind, description.cameras)
+    except ValueError:
+        return None  # check_sequence has reported it

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..io.recording import Recording, open_recording
+from ..io.text import read_text
 from ..pipeline.engine import Engine
 from ..settings import Settings
 from .metrics import iv_psnr, psnr
@@ -37,7 +38,7 @@ def read_peer_table(readme: Path) -> list[PeerRow]:
     """The rows of the README's table; raises ValueError if there are none."""
     names: list[str] = []
     rows = []
-    for line in readme.read_text("utf-8").splitlines():
+    for line in read_text(readme).splitlines():
         cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
         if not line.startswith("|") or len(cells) < 5 or set(cells[0]) <= {"-"}:
             continue

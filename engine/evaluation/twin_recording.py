@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..background.model import BackgroundModel
+from ..io.file_names import entries
 from ..io.recording import Recording, open_recording
 from ..io.tmiv_json import TmivError, find_json
 from ..rig.camera import Camera, Pose
@@ -110,7 +111,7 @@ def find_recordings(paths: Sequence[Path]) -> list[Recording]:
     """
     found = list[Recording]()
     for path in paths:
-        folders = [path] if _is_sequence(path) else sorted(p for p in path.glob("*/") if _is_sequence(p))
+        folders = [path] if _is_sequence(path) else [p for p in entries(path) if p.is_dir() and _is_sequence(p)]
         if not folders:
             raise ValueError(f"{path}: expected a TMIV sequence, or a folder of sequences")
         found += [open_recording(folder) for folder in folders]

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..rig.camera import Camera, Pose
+from .number_table import read_numbers
 
 __all__ = ["euler_degrees", "read_pose_trace", "read_poses", "write_poses"]
 
@@ -16,19 +17,14 @@ COLUMNS = ("X", "Y", "Z", "Yaw", "Pitch", "Roll")
 
 
 def read_poses(path: Path | str) -> list[Pose]:
-    """Absolute poses, one per frame. Raises ValueError for a wrong header or cell, with its line and column."""
-    path = Path(path)
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = csv.reader(file, skipinitialspace=True)
-        header = [cell.strip() for cell in next(rows, [])]
-        missing = [name for name in COLUMNS if name not in header]
-        if missing:
-            raise ValueError(f"{path.name}: header: {header!r}: expected {','.join(COLUMNS)}")
-        order = [header.index(name) for name in COLUMNS]
-        poses = [_pose(path, rows.line_num, row, order) for row in rows if any(cell.strip() for cell in row)]
-    if not poses:
-        raise ValueError(f"{path.name}: 0 rows: expected a row a frame")
-    return poses
+    """Absolute poses, one per frame. Raises ValueError for a wrong header or cell, with its line and column.
+
+    The file may be written by any program or spreadsheet that `read_numbers` can read.
+    """
+    rows = read_numbers(path, COLUMNS)
+    if not rows:
+        raise ValueError(f"{Path(path).name}: 0 rows: expected a row a frame")
+    return [Pose.from_euler(row[:3], *map(math.radians, row[3:])) for row in rows]
 
 
 def read_pose_trace(path: Path | str, viewport: Camera) -> list[Pose]:
@@ -62,17 +58,3 @@ def euler_degrees(pose: Pose) -> tuple[float, float, float]:
     c, s = math.cos(roll), math.sin(roll)
     yaw = math.atan2(s * r[0, 2] - c * r[0, 1], c * r[1, 1] - s * r[1, 2])
     return math.degrees(yaw), math.degrees(pitch), math.degrees(roll)
-
-
-def _pose(path: Path, line: int, row: list[str], order: list[int]) -> Pose:
-    values = []
-    for name, column in zip(COLUMNS, order, strict=True):
-        text = row[column].strip() if column < len(row) else ""
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise ValueError(f"{path.name}: line {line}: {name}: {text!r}: expected a finite number")
-        values.append(value)
-    return Pose.from_euler(values[:3], *map(math.radians, values[3:]))

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Literal
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
 from ..rig.camera import Camera, Pose
 from ..rig.frame import Frame, Texture, View
+from .file_names import find_path
 from .pose_trace import read_poses, write_poses
-from .tmiv_json import Description, TmivError, find_json, parse_json, to_json
-from .yuv import PIXEL_FORMATS, PixelFormat, RawVideo, from_texture
+from .tmiv_json import Description, TmivError, find_json, read_json, to_json
+from .video_files import Kind, depth_path, find_video, look_alikes, texture_path
+from .yuv import PixelFormat, RawVideo, from_texture
 
 __all__ = [
     "Sequence",
@@ -29,36 +30,6 @@ __all__ = [
     "texture_path",
 ]
 
-Kind = Literal["texture", "depth"]
-
-
-def texture_path(folder: Path | str, camera: Camera, pixel_format: str = "yuv420p10le") -> Path:
-    """The path of the camera's texture file."""
-    return Path(folder) / f"{camera.name}_texture_{camera.width}x{camera.height}_{pixel_format}.yuv"
-
-
-def depth_path(folder: Path | str, camera: Camera, pixel_format: str = "yuv420p16le") -> Path:
-    """The path of the camera's file of depth codes."""
-    return Path(folder) / f"{camera.name}_depth_{camera.width}x{camera.height}_{pixel_format}.yuv"
-
-
-def find_video(folder: Path, camera: Camera, kind: Kind) -> RawVideo | None:
-    """The camera's file in a folder or in its truth/, None if there is none.
-
-    If there are files of several formats, it is the one with the number of bits that the JSON says.
-    """
-    bits = camera.texture_bits if kind == "texture" else camera.depth.bits
-    prefix = f"{camera.name}_{kind}_{camera.width}x{camera.height}_"
-    pattern = re.compile(re.escape(prefix) + rf"({PIXEL_FORMATS})\.yuv")
-    for place in (folder, folder / "truth"):
-        paths = sorted(place.iterdir()) if place.is_dir() else []
-        found = [(path, match[1]) for path in paths if (match := pattern.fullmatch(path.name))]
-        videos = [RawVideo(path, camera.width, camera.height, name) for path, name in found]
-        if videos:
-            return min(videos, key=lambda video: video.format.bits != bits)
-    return None
-
-
 class Sequence:
     """An opened sequence: a `Recording`. Files are mapped, so a view is read from disk only when it is used.
 
@@ -69,6 +40,7 @@ class Sequence:
         self.folder = folder
         self.name, self.fps = description.name, description.fps
         self.frames_number = description.frames_number
+        self._names = tuple(description.cameras)
         self.source_names = description.source_names
         self._poses = {name: _poses(folder, name, file) for name, file in description.pose_files.items()}
         self._videos: dict[tuple[str, Kind], RawVideo] = {}
@@ -89,7 +61,7 @@ class Sequence:
     def truth_names(self) -> tuple[str, ...]:
         """The virtual cameras that have a texture file."""
         virtual = [camera for name, camera in self.cameras.items() if name not in self.source_names]
-        videos = {camera.name: find_video(self.folder, camera, "texture") for camera in virtual}
+        videos = {camera.name: self._find(camera, "texture") for camera in virtual}
         return tuple(name for name, video in videos.items() if video is not None and video.frame_count)
 
     def camera(self, name: str, frame: int = 0) -> Camera:
@@ -115,11 +87,12 @@ class Sequence:
         key = (name, kind)
         if key not in self._videos:
             camera = self.camera(name)
-            video = find_video(self.folder, camera, kind)
+            video = self._find(camera, kind)
             if video is None:
-                name_file = texture_path if kind == "texture" else depth_path
-                like = name_file(self.folder, camera)
-                raise TmivError(f"camera {name}: {kind}: missing: expected a file like {like}")
+                like = (texture_path if kind == "texture" else depth_path)(self.folder, camera)
+                found = "; ".join(look_alikes(self.folder, camera, kind))
+                expected = f"expected a file like {like}"
+                raise TmivError(f"camera {name}: {kind}: missing: {expected}{f' (found {found})' if found else ''}")
             self._videos[key] = video
         return self._videos[key]
 
@@ -146,9 +119,15 @@ class Sequence:
         for index in range(start, self.frame_count if stop is None else stop):
             yield self.frame(index, chosen)
 
+    def _find(self, camera: Camera, kind: Kind) -> RawVideo | None:
+        try:
+            return find_video(self.folder, camera, kind, self._names)
+        except ValueError as error:
+            raise TmivError(f"camera {camera.name}: {kind}: {error}") from error
+
     def _with_file_bits(self, camera: Camera) -> Camera:
         # The file's name decides how its codes are read, even where the JSON differs.
-        depth = find_video(self.folder, camera, "depth")
+        depth = self._find(camera, "depth")
         if depth is None or depth.format.bits == camera.depth.bits:
             return camera
         return dataclasses.replace(
@@ -158,7 +137,7 @@ class Sequence:
 
 def _poses(folder: Path, name: str, file: str) -> list[Pose]:
     try:
-        return read_poses(folder / file)
+        return read_poses(find_path(folder, file))
     except (OSError, ValueError) as error:
         raise TmivError(f"camera {name}: Poses: {error}") from error
 
@@ -169,10 +148,10 @@ def open_sequence(path: Path | str) -> Sequence:
     Missing or short video files are noticed when they are read; `tmiv_check` finds all problems at once.
     """
     file = find_json(Path(path))
-    description, problems = parse_json(file.read_text("utf-8"), file.stem)
+    description, problems = read_json(file)
     if problems:
         more = f" (and {len(problems) - 1} more problems)" if len(problems) > 1 else ""
-        raise TmivError(f"{file.name}: {problems[0]}{more}")
+        raise TmivError(f"{problems[0]}{more}")
     return Sequence(file.parent, description)
 
 

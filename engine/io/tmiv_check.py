@@ -7,9 +7,10 @@ from collections import Counter
 from pathlib import Path
 
 from ..rig.camera import Camera
+from .file_names import entries, find_path, same_name
 from .pose_trace import read_poses
-from .tmiv import depth_path, find_video, texture_path
-from .tmiv_json import Description, TmivError, find_json, parse_json
+from .tmiv_json import Description, TmivError, find_json, read_json
+from .video_files import Kind, depth_path, find_video, look_alikes, texture_path
 from .yuv import PIXEL_FORMATS, RawVideo
 
 __all__ = ["check_sequence"]
@@ -19,14 +20,13 @@ def check_sequence(path: Path | str) -> list[str]:
     """All problems of the JSON, the video files and the pose files of a sequence; an empty list if there are none."""
     try:
         file = find_json(Path(path))
-        description, problems = parse_json(file.read_text("utf-8"), file.stem)
-    except (TmivError, OSError, UnicodeDecodeError) as error:
+        description, problems = read_json(file)
+    except (TmivError, OSError) as error:
         return [str(error)]
-    problems = [f"{file.name}: {line}" for line in problems]
     counts: dict[str, int] = {}
     for name in dict.fromkeys(description.source_names):
         if name in description.cameras:
-            problems += _check_files(file.parent, description.cameras[name], counts)
+            problems += _check_files(file.parent, description, description.cameras[name], counts)
         else:  # the camera's entry in the JSON could not be read: check the files that bear its name
             problems += _check_files_alone(file.parent, name, counts)
     problems += _check_counts(description, counts)
@@ -34,17 +34,21 @@ def check_sequence(path: Path | str) -> list[str]:
     return problems
 
 
-def _check_files(folder: Path, camera: Camera, counts: dict[str, int]) -> list[str]:
+def _check_files(folder: Path, description: Description, camera: Camera, counts: dict[str, int]) -> list[str]:
     problems = []
-    for kind, bits, key, name_file in (
-        ("texture", camera.texture_bits, "BitDepthColor", texture_path),
-        ("depth", camera.depth.bits, "BitDepthDepth", depth_path),
-    ):
-        video = find_video(folder, camera, "texture" if kind == "texture" else "depth")
+    kinds: tuple[tuple[Kind, int, str], ...] = (
+        ("texture", camera.texture_bits, "BitDepthColor"), ("depth", camera.depth.bits, "BitDepthDepth"),
+    )  # fmt: skip
+    for kind, bits, key in kinds:
+        try:
+            video = find_video(folder, camera, kind, description.cameras)
+        except ValueError as error:
+            problems.append(f"camera {camera.name}: {kind}: {error}")
+            continue
         if video is None:
-            expected = name_file(folder, camera).name
+            expected = (texture_path if kind == "texture" else depth_path)(folder, camera).name
             problems.append(f"camera {camera.name}: {kind}: missing: expected a file like {expected}")
-            problems += _misnamed(folder, camera, kind)
+            problems += look_alikes(folder, camera, kind)
             continue
         counts[video.path.name] = video.frame_count
         if video.format.bits != bits:
@@ -55,14 +59,14 @@ def _check_files(folder: Path, camera: Camera, counts: dict[str, int]) -> list[s
 
 def _check_files_alone(folder: Path, name: str, counts: dict[str, int]) -> list[str]:
     problems = []
-    pattern = re.compile(re.escape(name) + rf"_(texture|depth)_(\d+)x(\d+)_({PIXEL_FORMATS})\.yuv")
-    matches = [match for path in sorted(folder.iterdir()) if (match := pattern.fullmatch(path.name))]
-    for match in matches:
-        if int(match[2]) and int(match[3]):
-            video = RawVideo(folder / match[0], int(match[2]), int(match[3]), match[4])
-            counts[match[0]] = video.frame_count
+    pattern = re.compile(re.escape(same_name(name)) + rf"_(texture|depth)_(\d+)x(\d+)_({PIXEL_FORMATS})\.yuv")
+    found = set()
+    for path in entries(folder):
+        if (match := pattern.fullmatch(same_name(path.name))) and int(match[2]) and int(match[3]):
+            video = RawVideo(path, int(match[2]), int(match[3]), match[4])
+            counts[path.name] = video.frame_count
             problems += _check_size(video)
-    found = {match[1] for match in matches}
+            found.add(match[1])
     missing = [kind for kind in ("texture", "depth") if kind not in found]
     return problems + [f"camera {name}: {kind}: missing" for kind in missing]
 
@@ -75,18 +79,6 @@ def _check_size(video: RawVideo) -> list[str]:
         f"{video.path.name}: {size} bytes: expected a multiple of {video.frame_bytes}, a frame "
         f"({video.frame_count} whole frames, the last one truncated at {video.extra_bytes} bytes)"
     ]
-
-
-def _misnamed(folder: Path, camera: Camera, kind: str) -> list[str]:
-    """Files of the camera with another resolution or an unknown format."""
-    pattern = re.compile(re.escape(f"{camera.name}_{kind}_") + r"(\d+x\d+)_.*\.yuv")
-    size = f"{camera.width}x{camera.height}"
-    problems = []
-    for path in sorted(folder.iterdir()):
-        if match := pattern.fullmatch(path.name):
-            expected = f"{size}, the JSON's Resolution" if match[1] != size else "a known pixel format"
-            problems.append(f"{path.name}: expected {expected}")
-    return problems
 
 
 def _check_counts(description: Description, counts: dict[str, int]) -> list[str]:
@@ -113,7 +105,7 @@ def _check_poses(folder: Path, description: Description, frames: int) -> list[st
     problems = []
     for name, file in description.pose_files.items():
         try:
-            rows = len(read_poses(folder / file))
+            rows = len(read_poses(find_path(folder, file)))
         except (ValueError, OSError) as error:
             problems.append(f"camera {name}: Poses: {error}")
             continue

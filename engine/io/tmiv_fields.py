@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
@@ -13,6 +14,7 @@ __all__ = [
     "BOOL",
     "COUNT",
     "DEPTH_RANGE",
+    "FILE",
     "FRAME_RANGES",
     "NAMES",
     "OBJECTS",
@@ -52,7 +54,7 @@ class Fields:
             return default[0] if default else None
         try:
             return kind.convert(self.fields[key])
-        except (TypeError, ValueError, KeyError, OverflowError):
+        except (TypeError, ValueError, KeyError, OverflowError, AttributeError, IndexError):
             shown = json.dumps(self.fields[key])
             shown = shown if len(shown) < 80 else shown[:77] + "..."
             self.problems.append(f"{self.where}{key}: {shown}: expected {kind.expected}")
@@ -81,7 +83,14 @@ def _text(value: Any) -> str:
     # Names become parts of file names.
     if not isinstance(value, str) or not value or "/" in value or "\\" in value or "\0" in value:
         raise TypeError
-    return value
+    return unicodedata.normalize("NFC", value)  # macOS composes names in another way
+
+
+def _file(value: Any) -> str:
+    parts = [part for part in value.replace("\\", "/").split("/") if part != "."]
+    if ":" in parts[0] or ".." in parts or not all(parts):
+        raise ValueError
+    return "/".join(map(_text, parts))
 
 
 def _list(value: Any, count: int | None = None) -> list[Any]:
@@ -141,6 +150,7 @@ def _frame_ranges(value: Any) -> tuple[tuple[int, int], ...]:
 
 
 TEXT = Kind("a name without slashes", _text)
+FILE = Kind("a path to a file below the JSON's folder", _file)
 POSITIVE = Kind("a positive number", _positive)
 COUNT = Kind("a whole number, 0 or more", lambda value: _integer(value, 0, 1 << 31))
 BITS = Kind("a whole number from 8 to 16", lambda value: _integer(value, 8, 16))

@@ -5,18 +5,22 @@ from __future__ import annotations
 import json
 import math
 import re
+import unicodedata
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..rig.camera import Camera, Equirectangular, Perspective, Pose, Projection
 from ..rig.depth import DepthCoding
+from .file_names import entries, find_entry, same_name
 from .pose_trace import euler_degrees
+from .text import read_text
 from .tmiv_fields import (
     BITS,
     BOOL,
     COUNT,
     DEPTH_RANGE,
+    FILE,
     FRAME_RANGES,
     NAMES,
     OBJECTS,
@@ -30,7 +34,9 @@ from .tmiv_fields import (
     Fields,
 )
 
-__all__ = ["Description", "TmivError", "find_json", "parse_json", "to_json"]
+__all__ = ["Description", "TmivError", "find_json", "parse_json", "read_json", "to_json"]
+
+_SHOWN = 30  # characters of the JSON in a message
 
 
 class TmivError(ValueError):
@@ -47,29 +53,53 @@ class Description:
     cameras: dict[str, Camera] = field(default_factory=dict)
     source_names: tuple[str, ...] = ()
     frame_ranges: tuple[tuple[int, int], ...] = ()  # (maxNumberOfFrames, startFrame)
-    pose_files: dict[str, str] = field(default_factory=dict)  # of moving cameras: CSV files in the JSON's folder
+    pose_files: dict[str, str] = field(default_factory=dict)  # of moving cameras: CSV files below the JSON's folder
 
 
 def find_json(path: Path) -> Path:
     """The JSON of a folder: <folder name>.json, <Content_name>.json or the only one; or `path` itself if it is a file.
 
-    Raises TmivError if there is none, or more than one and none of these names.
+    Names may differ in letter case and composition (`file_names.find_entry`), and companions of other files are passed
+    over. Raises TmivError if there is none, or more than one and none of these names.
     """
-    if path.is_file():
-        return path
-    if not path.is_dir():
-        raise TmivError(f"sequence: {str(path)!r}: expected a folder or its JSON file")
-    by_id = path / f"{path.resolve().name}.json"
-    if by_id.is_file():
-        return by_id
-    found = sorted(path.glob("*.json"))
-    named = [file for file in found if len(found) > 1 and _content_name(file) == file.stem]
-    for choice in (named, found):
+    try:
+        place = path if path.exists() else find_entry(path.parent, path.name)
+        if place is None or place.name.startswith("._") or not (place.is_file() or place.is_dir()):
+            what = "a companion of macOS" if place and place.name.startswith("._") else "missing"
+            raise TmivError(f"sequence: {str(path)!r}: {what}: expected a folder or its JSON file")
+        return place if place.is_file() else _json_of_folder(place)
+    except TmivError:
+        raise
+    except ValueError as error:
+        raise TmivError(f"sequence: {error}") from error
+
+
+def _json_of_folder(folder: Path) -> Path:
+    by_id = f"{folder.resolve().name}.json"
+    if found := find_entry(folder, by_id):
+        return found
+    files = [file for file in entries(folder) if file.suffix.casefold() == ".json" and file.is_file()]
+    named = [file for file in files if len(files) > 1 and same_name(_content_name(file) or "") == same_name(file.stem)]
+    for choice in (named, files):
         if len(choice) == 1:
             return choice[0]
+    names = "".join(f" {file.name}," for file in files[:10])
     raise TmivError(
-        f"sequence: {str(path)!r}: {len(found)} JSON files: expected one, {by_id.name} or <Content_name>.json"
+        f"sequence: {str(folder)!r}: {len(files)} JSON files:{names} expected one, {by_id} or <Content_name>.json"
     )
+
+
+def read_json(file: Path) -> tuple[Description, list[str]]:
+    """As `parse_json`, of a file, in any encoding that `read_text` reads; every problem begins with the file's name.
+
+    Raises OSError if the file cannot be read.
+    """
+    try:
+        text = read_text(file)
+    except ValueError as error:
+        return Description(file.stem), [str(error)]
+    description, problems = parse_json(text, file.stem)
+    return description, [f"{file.name}: {problem}" for problem in problems]
 
 
 def parse_json(text: str, stem: str) -> tuple[Description, list[str]]:
@@ -78,6 +108,8 @@ def parse_json(text: str, stem: str) -> tuple[Description, list[str]]:
     description = Description(stem)
     try:
         document = json.loads(text)
+    except json.JSONDecodeError as error:
+        return description, [f"JSON: {_place(error)}"]
     except (ValueError, RecursionError) as error:
         return description, [f"JSON: {error}"]
     if not isinstance(document, dict):
@@ -90,7 +122,7 @@ def parse_json(text: str, stem: str) -> tuple[Description, list[str]]:
     items = top.get("cameras", OBJECTS) or []
     for index, item in enumerate(items):
         _parse_camera(item, index, description, problems)
-    names = [name for item in items if isinstance(name := item.get("Name"), str)]
+    names = [unicodedata.normalize("NFC", name) for item in items if isinstance(name := item.get("Name"), str)]
     default = tuple(name for name in names if re.fullmatch("v[0-9]+", name))
     sources = top.get("sourceCameraNames", NAMES, default)
     if items and sources is not None:
@@ -121,6 +153,14 @@ def to_json(description: Description) -> str:
     return json.dumps(document, indent=1)
 
 
+def _place(error: json.JSONDecodeError) -> str:
+    """A mistake of the JSON's grammar: its place, what is there, and what was expected."""
+    text = error.doc[error.pos : error.pos + _SHOWN].partition("\n")[0]
+    there = repr(text) if text else "the end of the line" if error.pos < len(error.doc) else "the end of the file"
+    said = error.msg.replace("Expecting", "expected", 1)
+    return f"line {error.lineno}, column {error.colno}: {there}: {said[:1].lower()}{said[1:]}"
+
+
 def _parse_camera(item: dict[str, Any], index: int, description: Description, problems: list[str]) -> None:
     name = Fields(item, f"cameras[{index}]: ", problems).get("Name", TEXT)
     name = name or f"cameras[{index}]"
@@ -131,7 +171,7 @@ def _parse_camera(item: dict[str, Any], index: int, description: Description, pr
     position, rotation = fields.get("Position", VECTOR), fields.get("Rotation", VECTOR)
     projection, depth = _parse_projection(fields), _parse_depth(fields)
     texture_bits = fields.get("BitDepthColor", BITS, 10)
-    poses = fields.get("Poses", TEXT, None)
+    poses = fields.get("Poses", FILE, None)
     if len(problems) == before and position and rotation and projection and depth and texture_bits:
         pose = Pose.from_euler(position, *map(math.radians, rotation))
         description.cameras[name] = Camera(name, projection, pose, depth, texture_bits)
@@ -208,8 +248,8 @@ def _camera_json(camera: Camera, poses: str | None) -> dict[str, Any]:
 
 def _content_name(path: Path) -> str | None:
     try:
-        document = json.loads(path.read_text("utf-8"))
-    except ValueError:
+        document = json.loads(read_text(path))
+    except (ValueError, RecursionError):
         return None
     name = document.get("Content_name") if isinstance(document, dict) else None
     return name if isinstance(name, str) else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,65 +16,12 @@ from farside.engine.io.tmiv import SequenceWriter, TmivError, open_sequence
 from farside.engine.io.tmiv_check import check_sequence
 from farside.engine.io.tmiv_json import parse_json
 from farside.engine.io.yuv import PixelFormat, RawVideo
-from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
-from farside.engine.rig.depth import DepthCoding
-from farside.engine.rig.frame import Texture
+from farside.engine.rig.camera import Equirectangular, Perspective, Pose
+from support.sequences import FRAMES, cameras, edit, pictures, write
 from support.shared import SHARED, needs_shared
 
 RIGS = {"A": (15, "ClassroomVideo"), "B": (24, "Museum"), "C": (10, "Hijack"), "D": (16, "Painter")}
 RIGS |= {"E": (13, "Frog"), "L": (10, "Fencing")}
-FRAMES = 3
-
-
-def cameras(bits: int = 16) -> list[Camera]:
-    flat = Perspective(10, 6, -8.0, 9.0, 5.25, 2.0)
-    ball = Equirectangular(12, 8, (-math.pi, math.pi), (-math.pi / 2, math.pi / 2))
-    pose = Pose.from_euler((0.1, -2.0, 3e5), 0.5, -0.25, 3.0)
-    coding = DepthCoding(0.3, math.inf, bits)
-    return [
-        Camera("viewport", flat, Pose(), coding),
-        Camera("v0", flat, pose, coding),
-        Camera("v1", ball, pose, DepthCoding(0.5, 25.0, bits, has_invalid=True)),
-        Camera("t0", flat, Pose(), coding),
-    ]
-
-
-def pictures(camera: Camera, seed: int, bits: int = 16, step: int = 1) -> tuple[Texture, Any]:
-    rng = np.random.default_rng(seed)
-    h, w = camera.height, camera.width
-    planes = [
-        (rng.integers(0, 1024 // step, shape) * step).astype(np.uint16)
-        for shape in ((h, w), (h // 2, w // 2), (h // 2, w // 2))
-    ]
-    return Texture(*planes), rng.integers(0, 1 << bits, (h, w)).astype(np.uint16)
-
-
-def write(folder: Path, *, depth: str = "yuv420p16le", texture: str = "yuv420p10le") -> Path:
-    """Write three frames of v0, v1 (sources) and t0 (truth); v1 moves."""
-    bits = PixelFormat(depth).bits
-    step = 1 << max(0, 10 - PixelFormat(texture).bits)
-    rig = cameras(bits)
-    with SequenceWriter(
-        folder, "Made", 25.0, rig, ("v0", "v1"), depth_format=depth, texture_format=texture
-    ) as writer:
-        for frame in range(FRAMES):
-            for index, camera in enumerate(rig[1:]):
-                pose = Pose((frame, 1.0, 2.0)) if camera.name == "v1" else None
-                writer.write(camera.name, *pictures(camera, 10 * frame + index, bits, step), pose=pose)
-    return folder
-
-
-def edit(folder: Path, **changes: Any) -> None:
-    """Change top-level fields of the JSON, or with v0__Focal=... a camera's; None removes a field."""
-    file = folder / f"{folder.name}.json"
-    document = json.loads(file.read_text())
-    for key, value in changes.items():
-        name, _, field = key.rpartition("__")
-        target = next(c for c in document["cameras"] if c["Name"] == name) if name else document
-        target[field] = value
-        if value is None:
-            del target[field]
-    file.write_text(json.dumps(document))
 
 
 @needs_shared
@@ -285,11 +233,25 @@ def test_no_value_of_any_field_is_more_than_a_problem(tmp_path: Path) -> None:
     assert refused > 200
 
 
-def test_json_that_is_none(tmp_path: Path) -> None:
-    for text in ("{", "[]", "\x00"):
-        (tmp_path / "a.json").write_text(text)
-        with pytest.raises(TmivError, match=r"a\.json: JSON: "):
-            open_sequence(tmp_path)
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", r"JSON: line 1, column 2: the end of the file: expected property name"),
+        ('{\n "Fps": 30\n "cameras": []}', r"""JSON: line 3, column 2: '"cameras": \[\]}': expected ',' delimiter"""),
+        ('{"Fps": ,}', r"JSON: line 1, column 9: ',}': expected value"),
+        ("{} x", r"JSON: line 1, column 4: 'x': extra data"),
+        ("[]", r"JSON: list: expected an object"),
+        ("[" * 100000, r"JSON: "),
+        ("\x00", r"line 1, byte 0: 0x00: expected UTF-8 or"),
+        ("", r"JSON: line 1, column 1: the end of the file: expected value"),
+    ],
+)
+def test_json_that_is_none(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "a.json").write_text(text)
+    with pytest.raises(TmivError, match=rf"^a\.json: {message}"):
+        open_sequence(tmp_path)
+    (problem, *_) = check_sequence(tmp_path)
+    assert re.match(rf"a\.json: {message}", problem)
 
 
 def test_missing_and_short_files(tmp_path: Path) -> None:
@@ -332,7 +294,7 @@ def test_check_names_wrong_resolution_and_counts(tmp_path: Path) -> None:
     texture = folder / "v1_texture_12x8_yuv420p10le.yuv"
     texture.write_bytes(texture.read_bytes()[: 2 * 12 * 8 * 3])
     problems = check_sequence(folder)
-    assert any("v0_depth_12x6_yuv420p16le.yuv: expected 10x6" in line for line in problems), problems
+    assert any("v0_depth_12x6_yuv420p16le.yuv: 12x6: expected 10x6" in line for line in problems), problems
     assert any("v1" in line and "2 frames" in line for line in problems), problems
 
 

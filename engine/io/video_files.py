@@ -1,0 +1,75 @@
+"""The names of a camera's raw video files, and the files of a folder that have them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import Literal
+
+from ..rig.camera import Camera
+from .file_names import entries, find_entry, only_one, same_name
+from .yuv import PIXEL_FORMATS, RawVideo
+
+__all__ = ["Kind", "depth_path", "find_video", "look_alikes", "texture_path"]
+
+Kind = Literal["texture", "depth"]
+
+
+def texture_path(folder: Path | str, camera: Camera, pixel_format: str = "yuv420p10le") -> Path:
+    """The path of the camera's texture file."""
+    return Path(folder) / f"{_start(camera, 'texture')}{pixel_format}.yuv"
+
+
+def depth_path(folder: Path | str, camera: Camera, pixel_format: str = "yuv420p16le") -> Path:
+    """The path of the camera's file of depth codes."""
+    return Path(folder) / f"{_start(camera, 'depth')}{pixel_format}.yuv"
+
+
+def find_video(folder: Path, camera: Camera, kind: Kind, others: Collection[str] = ()) -> RawVideo | None:
+    """The camera's file in a folder or in its truth/, None if there is none.
+
+    If there are files of several formats, it is the one with the number of bits that the JSON says. If none has exactly
+    the camera's name, a file is taken whose name differs only in letter case or composition (NFC, NFD), unless it has
+    the exact name of another camera; `others`: the names of the sequence's cameras. Raises ValueError, which names all
+    files, if there are several such.
+    """
+    bits = camera.texture_bits if kind == "texture" else camera.depth.bits
+    for place in (folder, find_entry(folder, "truth")):
+        files = _files_of(place, camera, kind, others) if place and place.is_dir() else {}
+        videos = [RawVideo(path, camera.width, camera.height, name) for name, path in files.items()]
+        if videos:
+            return min(videos, key=lambda video: video.format.bits != bits)
+    return None
+
+
+def look_alikes(folder: Path, camera: Camera, kind: Kind) -> list[str]:
+    """What is wrong with the names of files that seem to be the camera's: another size, or an unknown pixel format."""
+    pattern = re.compile(re.escape(same_name(f"{camera.name}_{kind}_")) + r"(\d+x\d+)_(.*)\.yuv")
+    size = f"{camera.width}x{camera.height}"
+    wrong = []
+    for path in entries(folder):
+        if match := pattern.fullmatch(same_name(path.name)):
+            other = match[1] != size
+            expected = f"{size}, the JSON's Resolution" if other else "yuv420p, yuv400p or gray, with 9le to 16le"
+            wrong.append(f"{path.name}: {match[1 if other else 2]}: expected {expected}")
+    return wrong
+
+
+def _start(camera: Camera, kind: Kind) -> str:
+    return f"{camera.name}_{kind}_{camera.width}x{camera.height}_"
+
+
+def _files_of(folder: Path, camera: Camera, kind: Kind, others: Collection[str]) -> dict[str, Path]:
+    """For each pixel format the camera's file in a folder."""
+    start = _start(camera, kind)
+    pattern = re.compile(re.escape(same_name(start)) + rf"({PIXEL_FORMATS})\.yuv")
+    matches = [(path, pattern.fullmatch(same_name(path.name))) for path in sorted(folder.iterdir())]
+    similar = [(match[1], path) for path, match in matches if match]
+    exact = {name: path for name, path in similar if path.name == f"{start}{name}.yuv"}
+    if exact:
+        return exact
+    theirs = tuple(f"{name}_{kind}_" for name in others if name != camera.name)
+    similar = [(name, path) for name, path in similar if not path.name.startswith(theirs)]
+    alone = {name: only_one(f"{start}{name}.yuv", (path for n, path in similar if n == name)) for name, _ in similar}
+    return {name: path for name, path in alone.items() if path}
