@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import logging
 from collections.abc import Iterable, Iterator
-from itertools import islice
 from pathlib import Path
-from types import TracebackType
-from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +14,11 @@ import numpy.typing as npt
 from ..rig.camera import Camera, Pose
 from ..rig.frame import Frame, Texture, View
 from .file_names import find_path
-from .pose_trace import read_poses, write_poses
-from .tmiv_json import Description, TmivError, find_json, read_json, to_json
+from .pose_trace import read_poses
+from .tmiv_json import Description, TmivError, find_json, read_json
+from .tmiv_writer import SequenceWriter
 from .video_files import Kind, depth_path, find_video, look_alikes, texture_path
-from .yuv import PixelFormat, RawVideo, from_texture
+from .yuv import RawVideo
 
 __all__ = [
     "Sequence",
@@ -29,6 +29,10 @@ __all__ = [
     "open_sequence",
     "texture_path",
 ]
+
+_KINDS: tuple[Kind, ...] = ("texture", "depth")
+_log = logging.getLogger(__name__)
+
 
 class Sequence:
     """An opened sequence: a `Recording`. Files are mapped, so a view is read from disk only when it is used.
@@ -42,15 +46,38 @@ class Sequence:
         self.frames_number = description.frames_number
         self._names = tuple(description.cameras)
         self.source_names = description.source_names
-        self._poses = {name: _poses(folder, name, file) for name, file in description.pose_files.items()}
+        self._pose_files = description.pose_files
+        self._poses = {name: _poses(folder, name, file) for name, file in self._pose_files.items()}
         self._videos: dict[tuple[str, Kind], RawVideo] = {}
         self.cameras = {name: self._with_file_bits(camera) for name, camera in description.cameras.items()}
 
     @property
     def frame_count(self) -> int:
-        """Whole frames in the shortest file of the source views; raises TmivError if a file is missing."""
-        kinds: tuple[Kind, ...] = ("texture", "depth")
-        return min(self.video(name, kind).frame_count for name in self.source_names for kind in kinds)
+        """The number of frames that all files of the source views hold: whole pictures, and rows of poses.
+
+        Raises TmivError if a file is missing or does not hold a single one.
+        """
+        videos = self._source_videos()
+        for video in videos:
+            if not video.frame_count:
+                raise TmivError(f"{video.path.name}: {video.extra_bytes} bytes: expected at least {_a_frame(video)}")
+        return min([*(video.frame_count for video in videos), *self._rows_of_poses().values()])
+
+    def left_out(self) -> str:
+        """The number of frames that `frame_count` leaves out, and the files that are short, for people; "" if none is.
+
+        Pictures that are cut off count as left out. Raises TmivError as `frame_count` does.
+        """
+        count, videos = self.frame_count, self._source_videos()
+        held = max(video.frame_count + bool(video.extra_bytes) for video in videos)
+        short = [
+            f"{video.path.name} holds {video.frame_count}"
+            + (f" and {video.extra_bytes} bytes of {_a_frame(video)}" if video.extra_bytes else "")
+            for video in videos
+            if video.frame_count < held
+        ]
+        short += [f"{file} has {rows} rows" for file, rows in self._rows_of_poses().items() if rows < held]
+        return f"{held - count} of {held} frames left out: {'; '.join(short)}" if count < held else ""
 
     @property
     def camera_names(self) -> tuple[str, ...]:
@@ -119,6 +146,14 @@ class Sequence:
         for index in range(start, self.frame_count if stop is None else stop):
             yield self.frame(index, chosen)
 
+    def _source_videos(self) -> list[RawVideo]:
+        return [self.video(name, kind) for name in self.source_names for kind in _KINDS]
+
+    def _rows_of_poses(self) -> dict[str, int]:
+        """For each pose file of a source view the number of its rows."""
+        files = self._pose_files.items()
+        return {file: len(self._poses[name]) for name, file in files if name in self.source_names}
+
     def _find(self, camera: Camera, kind: Kind) -> RawVideo | None:
         try:
             return find_video(self.folder, camera, kind, self._names)
@@ -135,6 +170,10 @@ class Sequence:
         )
 
 
+def _a_frame(video: RawVideo) -> str:
+    return f"{video.frame_bytes}, a frame of {video.width}x{video.height} {video.format.name}"
+
+
 def _poses(folder: Path, name: str, file: str) -> list[Pose]:
     try:
         return read_poses(find_path(folder, file))
@@ -145,99 +184,16 @@ def _poses(folder: Path, name: str, file: str) -> list[Pose]:
 def open_sequence(path: Path | str) -> Sequence:
     """Open a folder (or its JSON); raises TmivError with the first problem of the JSON.
 
-    Missing or short video files are noticed when they are read; `tmiv_check` finds all problems at once.
+    Frames that are left out because a file is short are logged as a warning. Files that are missing or empty are
+    noticed when they are read; `tmiv_check` finds all problems at once.
     """
     file = find_json(Path(path))
     description, problems = read_json(file)
     if problems:
         more = f" (and {len(problems) - 1} more problems)" if len(problems) > 1 else ""
         raise TmivError(f"{problems[0]}{more}")
-    return Sequence(file.parent, description)
-
-
-class SequenceWriter:
-    """Writes a sequence frame by frame, as a context manager; `open_sequence` reads it back.
-
-    Source cameras are written to the folder, other cameras to its truth/. The JSON is written when the `with` block
-    ends without an error; ValueError is raised then if source cameras differ in their number of frames, and at the
-    start for a source name that no camera has.
-    """
-
-    def __init__(
-        self,
-        folder: Path | str,
-        name: str,
-        fps: float,
-        cameras: Iterable[Camera],
-        source_names: Iterable[str],
-        *,
-        depth_format: str = "yuv420p16le",
-        texture_format: str = "yuv420p10le",
-    ) -> None:
-        self.folder = Path(folder)
-        self.depth_format, self.texture_format = PixelFormat(depth_format), PixelFormat(texture_format)
-        bits = self.texture_format.bits
-        named = {camera.name: dataclasses.replace(camera, texture_bits=bits) for camera in cameras}
-        self._description = Description(name, fps, None, named, tuple(source_names))
-        for source in self._description.source_names:
-            if source not in named:
-                raise ValueError(f"source_names: {source!r}: no camera has this name")
-        self._poses: dict[str, list[Pose]] = {}
-        self._files: dict[Path, BinaryIO] = {}
-        self.folder.mkdir(parents=True, exist_ok=True)
-
-    def write(
-        self, camera_name: str, texture: Texture, codes: npt.NDArray[np.uint16], pose: Pose | None = None
-    ) -> None:
-        """Append a frame of one camera; `pose` is absolute, None: the camera's own (it does not move).
-
-        Raises ValueError for an unknown camera, and for shapes or depth bits that do not fit it.
-        """
-        camera = self._description.cameras.get(camera_name)
-        if camera is None:
-            names = ", ".join(self._description.cameras)
-            raise ValueError(f"camera: {camera_name!r}: expected one of {names}")
-        if camera.depth.bits != self.depth_format.bits:
-            raise ValueError(
-                f"camera {camera_name}: depth bits: {camera.depth.bits}: expected "
-                f"{self.depth_format.bits} ({self.depth_format.name})"
-            )
-        View(camera, texture, codes)  # checks the shapes
-        folder = self.folder if camera_name in self._description.source_names else self.folder / "truth"
-        planes = [from_texture(p, self.texture_format.bits) for p in (texture.y, texture.cb, texture.cr)]
-        shapes = self.depth_format.plane_shapes(camera.width, camera.height)
-        neutral = [np.full(shape, 1 << (self.depth_format.bits - 1)) for shape in shapes[1:]]
-        self._append(texture_path(folder, camera, self.texture_format.name), self.texture_format, planes)
-        self._append(depth_path(folder, camera, self.depth_format.name), self.depth_format, [codes, *neutral])
-        self._poses.setdefault(camera_name, []).append(pose or camera.pose)
-
-    def __enter__(self) -> SequenceWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        for file in self._files.values():
-            file.close()
-        if kind is None:
-            self._finish()
-
-    def _append(self, path: Path, pixel_format: PixelFormat, planes: Iterable[npt.NDArray[Any]]) -> None:
-        if path not in self._files:
-            path.parent.mkdir(exist_ok=True)
-            self._files[path] = path.open("wb")
-        for plane in islice(planes, 3 if pixel_format.has_chroma else 1):
-            self._files[path].write(np.ascontiguousarray(plane, pixel_format.dtype).data)
-
-    def _finish(self) -> None:
-        description = self._description
-        counts = {name: len(self._poses.get(name, ())) for name in description.source_names}
-        if len(set(counts.values())) > 1:
-            raise ValueError(f"frames written: {counts!r}: expected as many of every source camera")
-        description.frames_number = max(counts.values(), default=0)
-        for name, poses in self._poses.items():
-            if any(pose != description.cameras[name].pose for pose in poses):
-                description.pose_files[name] = f"{name}_poses.csv"
-                write_poses(self.folder / f"{name}_poses.csv", poses)
-        file = self.folder / f"{self.folder.resolve().name}.json"
-        file.write_text(to_json(description) + "\n", "utf-8")
+    sequence = Sequence(file.parent, description)
+    with contextlib.suppress(TmivError):
+        if left_out := sequence.left_out():
+            _log.warning("%s: %s", file.parent, left_out)
+    return sequence

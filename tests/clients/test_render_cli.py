@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
+import shutil
 import subprocess
 import sys
 
@@ -219,6 +221,32 @@ def test_bad_input_is_one_line_and_exit_code_2(room, tmp_path, what):
     assert done.stderr.startswith("farside: ")
     assert done.stderr.count("\n") == 1
     assert ("t9" if what == "camera" else "nowhere") in done.stderr
+
+
+@pytest.mark.parametrize("name", ["render", "export", "bench", "replay"])
+def test_frames_that_are_left_out_are_told(room, tmp_path, name):
+    short = tmp_path / "Room"
+    shutil.copytree(room, short)
+    depth = short / f"v1_depth_{W}x{H}_yuv420p16le.yuv"
+    depth.write_bytes(depth.read_bytes()[: -W * H])
+    options = {
+        "render": ["render", short, "--out", tmp_path / "out", "--camera", "t0", "--no-background"],
+        "export": ["export", short, tmp_path / "model.ply", "--quality", "fast"],
+        "bench": ["bench", "stages", short, "--frames", "1"],
+        "replay": ["replay", short, "http://127.0.0.1:9", "--patience", "0"],  # nobody is there
+    }
+    command = [sys.executable, "-m", "farside.clients.cli", *map(str, options[name])]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    assert done.returncode == (0 if name != "replay" else 2), done.stderr
+    assert f"{short}: 1 of 3 frames left out: {depth.name} holds 2 and 3072 bytes of 4608, a frame" in done.stderr
+
+
+def test_a_sequence_without_a_whole_frame_is_refused(room, tmp_path):
+    short = tmp_path / "Room"
+    shutil.copytree(room, short)
+    (short / f"v1_depth_{W}x{H}_yuv420p16le.yuv").write_bytes(b"")
+    done = CliRunner().invoke(app, ["render", str(short), "--out", str(tmp_path / "out"), "--camera", "t0"])
+    assert re.match(r"v1_depth_\S+: 0 bytes: expected at least 4608, a frame of 48x32", str(done.exception))
 
 
 TABLE = """# Rooms

@@ -272,6 +272,41 @@ def test_missing_and_short_files(tmp_path: Path) -> None:
         sequence.view("v9", 0)
 
 
+def test_frames_that_are_left_out_are_told_with_the_short_files(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = write(tmp_path / "S")
+    assert (open_sequence(folder).frame_count, caplog.messages) == (3, [])
+    texture, depth = folder / "v0_texture_10x6_yuv420p10le.yuv", folder / "v1_depth_12x8_yuv420p16le.yuv"
+    texture.write_bytes(texture.read_bytes()[:-100])
+    assert open_sequence(folder).frame_count == 2
+    cut = "1 of 3 frames left out: v0_texture_10x6_yuv420p10le.yuv holds 2 and 80 bytes of 180, a frame of 10x6 yuv4"
+    assert caplog.messages[-1].startswith(f"{folder}: {cut}")
+    depth.write_bytes(depth.read_bytes()[: 2 * 12 * 8 * 3 // 2])
+    assert open_sequence(folder).frame_count == 1
+    assert "2 of 3 frames left out: v0_texture" in caplog.messages[-1]
+    assert caplog.messages[-1].endswith("; v1_depth_12x8_yuv420p16le.yuv holds 1")
+    depth.write_bytes(b"12")
+    with pytest.raises(TmivError, match=r"^v1_depth_.*yuv: 2 bytes: expected at least 288, a frame of 12x8"):
+        _ = open_sequence(folder).frame_count
+
+
+def test_frames_without_a_pose_are_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    folder = write(tmp_path / "S")
+    poses = folder / "v1_poses.csv"
+    poses.write_text("".join(poses.read_text().splitlines(keepends=True)[:2]))
+    assert open_sequence(folder).frame_count == 1
+    assert caplog.messages == [f"{folder}: 2 of 3 frames left out: v1_poses.csv has 1 rows"]
+
+
+def test_files_that_are_all_cut_in_their_last_frame(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    folder = write(tmp_path / "S")
+    for path in folder.glob("v*_*.yuv"):
+        path.write_bytes(path.read_bytes()[:-2])
+    assert open_sequence(folder).frame_count == 2
+    assert caplog.messages[0].count("holds 2 and") == 4
+
+
 def test_check_lists_everything_at_once(tmp_path: Path) -> None:
     folder = write(tmp_path / "S")
     edit(folder, Frames_number=7, v1__Rotation="none", v1__Depth_range=[3, 2], t0__Projection="Fisheye")
