@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from ..rig.camera import Camera, Pose
 from ..rig.frame import Texture, View
 from .pose_trace import write_poses
+from .raw_writer import RawWriter
 from .tmiv_json import Description, to_json
 from .video_files import depth_path, texture_path
 from .yuv import PixelFormat, from_texture
@@ -26,8 +27,8 @@ class SequenceWriter:
     """Writes a sequence frame by frame, as a context manager; `open_sequence` reads it back.
 
     Source cameras are written to the folder, other cameras to its truth/. The JSON is written when the `with` block
-    ends without an error; ValueError is raised then if source cameras differ in their number of frames, and at the
-    start for a source name that no camera has.
+    ends without an error; it is called `json_name`.json, by default as the folder. ValueError is raised then if source
+    cameras differ in their number of frames, and at the start for a source name that no camera has.
     """
 
     def __init__(
@@ -40,8 +41,10 @@ class SequenceWriter:
         *,
         depth_format: str = "yuv420p16le",
         texture_format: str = "yuv420p10le",
+        json_name: str | None = None,
     ) -> None:
         self.folder = Path(folder)
+        self.json_name = self.folder.resolve().name if json_name is None else json_name
         self.depth_format, self.texture_format = PixelFormat(depth_format), PixelFormat(texture_format)
         bits = self.texture_format.bits
         named = {camera.name: dataclasses.replace(camera, texture_bits=bits) for camera in cameras}
@@ -50,7 +53,7 @@ class SequenceWriter:
             if source not in named:
                 raise ValueError(f"source_names: {source!r}: no camera has this name")
         self._poses: dict[str, list[Pose]] = {}
-        self._files: dict[Path, BinaryIO] = {}
+        self._videos = RawWriter()
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def write(
@@ -84,17 +87,13 @@ class SequenceWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for file in self._files.values():
-            file.close()
+        self._videos.close()
         if kind is None:
             self._finish()
 
     def _append(self, path: Path, pixel_format: PixelFormat, planes: Iterable[npt.NDArray[Any]]) -> None:
-        if path not in self._files:
-            path.parent.mkdir(exist_ok=True)
-            self._files[path] = path.open("wb")
-        for plane in islice(planes, 3 if pixel_format.has_chroma else 1):
-            self._files[path].write(np.ascontiguousarray(plane, pixel_format.dtype).data)
+        stored = islice(planes, 3 if pixel_format.has_chroma else 1)
+        self._videos.append(path, [plane.astype(pixel_format.dtype, copy=False) for plane in stored])
 
     def _finish(self) -> None:
         description = self._description
@@ -106,5 +105,5 @@ class SequenceWriter:
             if any(pose != description.cameras[name].pose for pose in poses):
                 description.pose_files[name] = f"{name}_poses.csv"
                 write_poses(self.folder / f"{name}_poses.csv", poses)
-        file = self.folder / f"{self.folder.resolve().name}.json"
+        file = self.folder / f"{self.json_name}.json"
         file.write_text(to_json(description) + "\n", "utf-8")

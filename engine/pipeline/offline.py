@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ..io.images import write_png
+from ..io.raw_writer import RawWriter
 from ..io.recording import Playhead, Recording, playback_index
 from ..io.tmiv import depth_path, texture_path
 from ..io.yuv import PixelFormat, from_texture
@@ -140,26 +140,25 @@ class PictureWriter:
 
     def __init__(self, folder: Path, *, png: bool = False, masks: bool = False) -> None:
         self.folder, self.png, self.masks = folder, png, masks
-        self._files: dict[Path, BinaryIO] = {}
+        self._videos = RawWriter()
         folder.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> PictureWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for file in self._files.values():
-            file.close()
+        self._videos.close()
 
     def write(self, name: str, frame: int, picture: RenderedPicture) -> None:
         """Append one picture; PNG and mask files carry the frame's number."""
         camera = dataclasses.replace(picture.camera, name=name)
         texture, codes = picture.texture, picture.codes()
         planes = [from_texture(plane, 10) for plane in (texture.y, texture.cb, texture.cr)]
-        self._append(texture_path(self.folder, camera), planes)
+        self._videos.append(texture_path(self.folder, camera), planes)
         half = ((camera.height + 1) // 2, (camera.width + 1) // 2)
         bits = camera.depth.bits
         neutral = np.full(half, 1 << (bits - 1), PixelFormat(_depth_format(bits)).dtype)
-        self._append(
+        self._videos.append(
             depth_path(self.folder, camera, _depth_format(bits)),
             [codes.astype(neutral.dtype), neutral, neutral],
         )
@@ -167,12 +166,6 @@ class PictureWriter:
             write_png(self.folder / f"{name}_{frame:04d}.png", texture)
         if self.masks:
             self._write_mask(self.folder / f"{name}_{frame:04d}_mask.ppm", picture)
-
-    def _append(self, path: Path, planes: Sequence[npt.NDArray[Any]]) -> None:
-        if path not in self._files:
-            self._files[path] = path.open("wb")
-        for plane in planes:
-            self._files[path].write(np.ascontiguousarray(plane).data)
 
     def _write_mask(self, path: Path, picture: RenderedPicture) -> None:
         """Write the picture with holes in light blue, and pixels of the backdrop tinted green."""

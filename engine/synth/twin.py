@@ -141,11 +141,14 @@ def write_twin(
     seed: int = 0,
     depth_noise: float | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    json_name: str | None = None,
 ) -> None:
     """Write a twin to a TMIV folder; the ground truth of its virtual cameras goes to the subfolder truth/.
 
     `frames` is the number of frames, by default that of the original. `progress` is called with the number of
-    pictures done and the total. Raises ValueError as `make_twin` does, and for a number of frames below 1.
+    pictures done and the total. The JSON is called `json_name`.json, by default as the folder. Raises ValueError as
+    `make_twin` does, and for a number of frames below 1.
     """
     twin = make_twin(name, scale, seed, depth_noise)
     count = twin.rig.frame_count if frames is None else frames
@@ -153,7 +156,7 @@ def write_twin(
         raise ValueError(f"frames: {count!r}: expected at least 1")
     done, total = 0, count * (len(twin.source_names) + len(twin.rig.target_names))
     progress(done, total)
-    with SequenceWriter(folder, name, FPS, twin.cameras, twin.source_names) as writer:
+    with SequenceWriter(folder, name, FPS, twin.cameras, twin.source_names, json_name=json_name) as writer:
         for index in range(count):
             for camera in (*twin.source_names, *twin.rig.target_names):
                 is_source = camera in twin.source_names

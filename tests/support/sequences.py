@@ -40,13 +40,15 @@ def pictures(camera: Camera, seed: int, bits: int = 16, step: int = 1) -> tuple[
     return Texture(*planes), rng.integers(0, 1 << bits, (h, w)).astype(np.uint16)
 
 
-def write(folder: Path, *, depth: str = "yuv420p16le", texture: str = "yuv420p10le") -> Path:
+def write(
+    folder: Path, *, depth: str = "yuv420p16le", texture: str = "yuv420p10le", json_name: str | None = None
+) -> Path:
     """Write three frames of v0, v1 (sources) and t0 (truth); v1 moves."""
     bits = PixelFormat(depth).bits
     step = 1 << max(0, 10 - PixelFormat(texture).bits)
     rig = cameras(bits)
     with SequenceWriter(
-        folder, "Made", 25.0, rig, ("v0", "v1"), depth_format=depth, texture_format=texture
+        folder, "Made", 25.0, rig, ("v0", "v1"), depth_format=depth, texture_format=texture, json_name=json_name
     ) as writer:
         for frame in range(FRAMES):
             for index, camera in enumerate(rig[1:]):
