@@ -19,11 +19,20 @@ from rich.table import Table
 __all__ = ["command", "compare"]
 
 
+_DEFAULT_FORMAT = "yuv420p10le"
+_SIZE = re.compile(r"[1-9]\d*x[1-9]\d*")
+# FFmpeg's names of pixel formats, also those that are not read here.
+_FORMAT = re.compile(r"(?:yuv[aj]?4\d\dp|gray|nv\d\d|p[02]\d\d|rgb|bgr|gbrp)(?:\d+)?(?:le|be)?")
+
+
 def command(
     ref: Annotated[Path, typer.Argument(metavar="REF.yuv", help="The reference.")],
     test: Annotated[Path, typer.Argument(metavar="TEST.yuv", help="The video to judge.")],
     size: Annotated[str, typer.Option(metavar="WxH", help="Picture size, pixels.")],
-    pixel_format: Annotated[str, typer.Option("--format", help="Pixel format of both files, 4:2:0.")] = "yuv420p10le",
+    pixel_format: Annotated[
+        str | None,
+        typer.Option("--format", help="Pixel format of both files, 4:2:0 (default: as in the names, or yuv420p10le)."),
+    ] = None,
     erp: Annotated[
         str | None,
         typer.Option(metavar="H,V", help="The videos are equirectangular with these angular ranges, degrees."),
@@ -35,7 +44,10 @@ def command(
     """Compare two raw videos, frame by frame and on average: PSNR, IV-PSNR and, with --erp, WS-PSNR, in dB; SSIM,
     MS-SSIM, IV-SSIM and IV-MS-SSIM."""
     width, height = _size(size)
-    reference, judged = (RawVideo(path, width, height, PixelFormat(pixel_format)) for path in (ref, test))
+    form = PixelFormat(_format_in_names(ref, test) if pixel_format is None else pixel_format)
+    reference, judged = (RawVideo(path, width, height, form) for path in (ref, test))
+    for video in (reference, judged):
+        _check_name(video)
     report = compare(reference, judged, _erp(erp))
     if json_file:
         json_file.write_text(json.dumps(report, indent=1) + "\n", "utf-8")
@@ -71,6 +83,47 @@ def compare(ref: RawVideo, test: RawVideo, erp: tuple[float, float] | None = Non
         "frames": [{"frame": index, **figures} for index, figures in enumerate(frames)],
         "mean": {name: math.fsum(figures[name] for figures in frames) / count for name in frames[0]},
     }
+
+
+def _format_in_names(ref: Path, test: Path) -> str:
+    """The pixel format that the files' names tell, else yuv420p10le; raises ValueError if they tell different ones."""
+    told = {path.name: formats[-1] for path in (ref, test) if (formats := _told_by_name(path)[1])}
+    if len(set(told.values())) > 1:
+        both = " and ".join(f"{name}: {form}" for name, form in told.items())
+        raise ValueError(f"--format: missing: the names tell different ones, {both}: expected one for both files")
+    return next(iter(told.values()), _DEFAULT_FORMAT)
+
+
+def _check_name(video: RawVideo) -> None:
+    """Compare a file's name with the size and the pixel format that are given.
+
+    Raises ValueError for a contradiction; if the file's length fits what is given and not what the name tells, the
+    contradiction is only told on stderr.
+    """
+    sizes, formats = _told_by_name(video.path)
+    size, form = f"{video.width}x{video.height}", video.format.name
+    wrong = [f"--size: {size}: expected {sizes[-1]}, as in the name"] if sizes and size not in sizes else []
+    wrong += [f"--format: {form}: expected {formats[-1]}, as in the name"] if formats and form not in formats else []
+    if not wrong:
+        return
+    said = f"{video.path.name}: {'; '.join(wrong)}"
+    if video.extra_bytes or _fits(video.path, (sizes or [size])[-1], (formats or [form])[-1]):
+        raise ValueError(said)
+    print(f"{said}; but its {video.path.stat().st_size} bytes are no whole number of such frames", file=sys.stderr)
+
+
+def _told_by_name(path: Path) -> tuple[list[str], list[str]]:
+    """Sizes and pixel formats in a file's name, which ends like _1920x1080_yuv420p10le.yuv."""
+    words = path.stem.lower().split("_")
+    return [word for word in words if _SIZE.fullmatch(word)], [word for word in words if _FORMAT.fullmatch(word)]
+
+
+def _fits(path: Path, size: str, form: str) -> bool:
+    """Whether the length of a file is a whole number of frames; it may be one of a format that is not known."""
+    try:
+        return not RawVideo(path, *_size(size), form).extra_bytes
+    except ValueError:
+        return True
 
 
 def _figures(
@@ -111,10 +164,10 @@ def _table(report: dict[str, object]) -> Table:
 
 
 def _size(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"([1-9]\d*)x([1-9]\d*)", text)
-    if not match:
+    if not _SIZE.fullmatch(text):
         raise ValueError(f"--size: {text!r}: expected WIDTHxHEIGHT, as in 1920x1080")
-    return int(match[1]), int(match[2])
+    width, height = map(int, text.split("x"))
+    return width, height
 
 
 def _erp(text: str | None) -> tuple[float, float] | None:
