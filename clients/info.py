@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 from farside.engine.io.tmiv_check import check_sequence
 from farside.engine.io.tmiv_json import Description, TmivError, find_json, read_json
+from farside.engine.io.tmiv_look import look_at_first_frame
 from farside.engine.io.video_files import Kind, find_video
 from farside.engine.io.yuv import RawVideo
 from farside.engine.rig.camera import Camera, Perspective
@@ -23,17 +24,22 @@ __all__ = ["command"]
 def command(
     sequence: Annotated[Path, typer.Argument(metavar="SEQ", help="The sequence's folder, or its JSON.")],
 ) -> None:
-    """List what a sequence holds and what is wrong with it; the exit code is 2 if anything is wrong."""
+    """List what a sequence holds and what is wrong with it; the exit code is 2 if anything is wrong.
+
+    Warnings tell what seems to be wrong by a look at the first frame; they leave the exit code as it is.
+    """
     console = Console(width=None if sys.stdout.isatty() else 140)
-    problems = check_sequence(sequence)
+    problems, warnings = check_sequence(sequence), list[str]()
     try:
         file = find_json(sequence)
         description, _ = read_json(file)
         _show(console, description, file.parent)
+        warnings = look_at_first_frame(file.parent, description)
     except (TmivError, OSError):
         pass  # check_sequence has reported it
-    for line in problems:
-        console.print(f"[red]problem[/] {escape(line)}", soft_wrap=True, highlight=False)
+    for kind, lines in (("[red]problem[/]", problems), ("[yellow]warning[/]", warnings)):
+        for line in lines:
+            console.print(f"{kind} {escape(line)}", soft_wrap=True, highlight=False)
     if problems:
         raise typer.Exit(2)
     console.print("no problems found")

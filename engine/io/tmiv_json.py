@@ -54,6 +54,7 @@ class Description:
     source_names: tuple[str, ...] = ()
     frame_ranges: tuple[tuple[int, int], ...] = ()  # (maxNumberOfFrames, startFrame)
     pose_files: dict[str, str] = field(default_factory=dict)  # of moving cameras: CSV files below the JSON's folder
+    lengths_in_metres: bool = True
 
 
 def find_json(path: Path) -> Path:
@@ -117,6 +118,7 @@ def parse_json(text: str, stem: str) -> tuple[Description, list[str]]:
     top = Fields(document, "", problems)
     description.name = top.get("Content_name", TEXT, stem) or stem
     description.fps = top.get("Fps", POSITIVE) or 30.0
+    description.lengths_in_metres = top.get("lengthsInMeters", BOOL, True) is not False
     description.frames_number = top.get("Frames_number", COUNT, None)
     description.frame_ranges = top.get("frameRanges", FRAME_RANGES, ()) or ()
     items = top.get("cameras", OBJECTS) or []
@@ -138,7 +140,7 @@ def to_json(description: Description) -> str:
         "Content_name": description.name,
         "BoundingBox_center": [0, 0, 0],
         "Fps": description.fps,
-        "lengthsInMeters": True,
+        "lengthsInMeters": description.lengths_in_metres,
         "sourceCameraNames": list(description.source_names),
     }
     if description.frames_number is not None:
