@@ -44,15 +44,21 @@ def find_video(folder: Path, camera: Camera, kind: Kind, others: Collection[str]
 
 
 def look_alikes(folder: Path, camera: Camera, kind: Kind) -> list[str]:
-    """What is wrong with the names of files that seem to be the camera's: another size, or an unknown pixel format."""
-    pattern = re.compile(re.escape(same_name(f"{camera.name}_{kind}_")) + r"(\d+x\d+)_(.*)\.yuv")
+    """What is wrong with files that seem to be the camera's: another size, an unknown pixel format, another name."""
+    pattern = re.compile(re.escape(same_name(f"{camera.name}_")) + r"((?:(texture|depth)_)?.*)\.yuv")
     size = f"{camera.width}x{camera.height}"
     wrong = []
     for path in entries(folder):
-        if match := pattern.fullmatch(same_name(path.name)):
-            other = match[1] != size
-            expected = f"{size}, the JSON's Resolution" if other else "yuv420p, yuv400p or gray, with 9le to 16le"
-            wrong.append(f"{path.name}: {match[1 if other else 2]}: expected {expected}")
+        match = pattern.fullmatch(same_name(path.name))
+        if not match or (match[2] or "texture") != kind:
+            continue
+        parts = re.fullmatch(rf"{kind}_(\d+x\d+)_(.*)", match[1])
+        if parts is None:
+            wrong.append(f"{path.name}: expected a name like {_start(camera, kind)}FORMAT.yuv")
+        elif parts[1] != size:
+            wrong.append(f"{path.name}: {parts[1]}: expected {size}, the JSON's Resolution")
+        else:
+            wrong.append(f"{path.name}: {parts[2]}: expected yuv420p, yuv400p or gray, with 9le to 16le")
     return wrong
 
 

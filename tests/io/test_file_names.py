@@ -136,6 +136,8 @@ def test_a_path_through_a_file_is_missing(tmp_path: Path) -> None:
         ("v0_texture_10x6_yuv444p10le.yuv", "yuv444p10le: expected yuv420p, yuv400p or gray"),
         ("v0_texture_12x6_yuv420p10le.yuv", "12x6: expected 10x6, the JSON's Resolution"),
         ("V0_texture_10x6_nv12.YUV", "nv12: expected yuv420p, yuv400p or gray"),
+        ("v0_10_6_420_yuv420p10le.yuv", "expected a name like v0_texture_10x6_FORMAT.yuv"),
+        ("v0_texture.yuv", "expected a name like v0_texture_10x6_FORMAT.yuv"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_named_where_it_is_missed(tmp_path: Path, name: str, said: str) -> None:
