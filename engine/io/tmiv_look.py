@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from ..rig.camera import Camera
 from ..rig.depth import DepthCoding
+from .depth_meaning import StillView, doubt_coding
 from .tmiv_json import Description
 from .video_files import Kind, find_video
 from .yuv import RawVideo
@@ -41,6 +42,7 @@ def look_at_first_frame(folder: Path, description: Description) -> list[str]:
     if not description.lengths_in_metres:
         warnings.append("lengthsInMeters: false: expected true: positions and depths are read as metres")
     seen: dict[bytes, str] = {}
+    still = []
     for name in description.source_names:
         if camera := description.cameras.get(name):
             texture, depth = (_video(folder, camera, kind, description) for kind in ("texture", "depth"))
@@ -50,8 +52,9 @@ def look_at_first_frame(folder: Path, description: Description) -> list[str]:
                 warnings += _look_at_samples(depth) or _look_at_codes(depth, camera.depth)
             if texture and depth:
                 warnings += _look_at_both(texture, depth)
+                still += [StillView(camera, texture, depth)] * (name not in description.pose_files)
             warnings += _look_for_copies([video for video in (texture, depth) if video], seen)
-    return warnings
+    return warnings or doubt_coding(still)
 
 
 def _video(folder: Path, camera: Camera, kind: Kind, description: Description) -> RawVideo | None:

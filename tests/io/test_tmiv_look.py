@@ -15,6 +15,8 @@ from farside.engine.io.tmiv import SequenceWriter
 from farside.engine.io.tmiv_check import check_sequence
 from farside.engine.io.tmiv_json import read_json, to_json
 from farside.engine.io.tmiv_look import look_at_first_frame
+from farside.engine.io.video_files import depth_path
+from farside.engine.rig.depth import DepthCoding
 from farside.engine.synth import TWINS, write_twin
 from support.rooms import camera_row, frame
 from support.sequences import edit
@@ -144,6 +146,31 @@ def test_info_prints_warnings_and_ends_well(room: Path) -> None:
 def test_twins_are_sound(tmp_path: Path, name: str) -> None:
     write_twin(name, tmp_path / "T", 0.05, 1)
     assert look(tmp_path / "T") == []
+
+
+READINGS: dict[str, Callable[[npt.NDArray[np.float64], DepthCoding], npt.NDArray[np.float64]]] = {
+    "millimetres": lambda depth, coding: 1000 * depth,
+    "linear in depth, the largest the farthest": lambda depth, c: c.max_code * (depth - c.near) / (c.far - c.near),
+    "linear in depth, the largest the nearest": lambda depth, c: c.max_code * (c.far - depth) / (c.far - c.near),
+    "linear in disparity, the largest the farthest": lambda depth, coding: coding.max_code - coding.codes(depth),
+}
+
+
+@pytest.mark.parametrize("name", ["museum", "painter"])
+@pytest.mark.parametrize("reading", READINGS)
+def test_codes_that_other_programs_mean_otherwise_are_told(tmp_path: Path, name: str, reading: str) -> None:
+    folder = tmp_path / "T"
+    write_twin(name, folder, 0.1, 1, depth_noise=0.0)
+    description, _ = read_json(folder / "T.json")
+    for source in description.source_names:
+        camera = description.cameras[source]
+        path = depth_path(folder, camera)
+        codes = np.fromfile(path, "<u2")
+        luma = codes[: camera.width * camera.height]
+        luma[:] = np.rint(np.clip(READINGS[reading](camera.depth.depth(luma), camera.depth), 0, 65535))
+        codes.tofile(path)
+    (warning,) = look(folder)
+    assert re.match(rf"depth: views differ by \d+ codes of luma, but by \d+ if depth codes are {reading}: ", warning)
 
 
 @needs_shared
