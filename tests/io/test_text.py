@@ -52,7 +52,7 @@ TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0\r\ufeff"), m
 )
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=TEXTS, form=st.sampled_from(FORMS))
 def test_what_was_written_is_read(tmp_path: Path, text: str, form: tuple[str, bool, str]) -> None:
     path = tmp_path / "a.txt"
@@ -138,7 +138,7 @@ def test_tables_that_could_mean_two_things_are_refused_with_the_place(
 NUMBERS = st.floats(-1e6, 1e6) | st.integers(-1000, 1000).map(float)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(rows=st.lists(st.tuples(NUMBERS, NUMBERS), max_size=5), form=st.sampled_from(FORMS), kind=st.integers(0, 4))
 def test_numbers_come_back_exactly_from_every_kind_of_table(
     tmp_path: Path, rows: list[tuple[float, float]], form: tuple[str, bool, str], kind: int
