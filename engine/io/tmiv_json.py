@@ -111,7 +111,9 @@ def parse_json(text: str, stem: str) -> tuple[Description, list[str]]:
         document = json.loads(text)
     except json.JSONDecodeError as error:
         return description, [f"JSON: {_place(error)}"]
-    except (ValueError, RecursionError) as error:
+    except RecursionError:
+        return description, ["JSON: brackets in brackets, too deep to be read: expected an object of cameras"]
+    except ValueError as error:  # an integer with thousands of digits
         return description, [f"JSON: {error}"]
     if not isinstance(document, dict):
         return description, [f"JSON: {type(document).__name__}: expected an object"]
