@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import ssl
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from typing import Any, TypeVar, overload
-from urllib.parse import urlsplit
+from urllib.parse import unquote
 
 from farside.server.protocol import (
     Error,
@@ -21,9 +22,12 @@ from farside.server.protocol import (
 )
 from websockets.asyncio.client import ClientConnection
 from websockets.asyncio.client import connect as open_socket
-from websockets.exceptions import ConnectionClosed, WebSocketException
+from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
-__all__ = ["Peer", "RefusedError", "base_url", "connect", "persist"]
+from .address import base_url, parse_address, without_secrets
+from .proxies import proxy_of, without_password
+
+__all__ = ["Peer", "RefusedError", "base_url", "connect", "distrusted", "persist"]
 
 T = TypeVar("T")
 PRIVATE_CODES = range(4400, 4500)  # the client is at fault: trying again changes nothing
@@ -99,32 +103,16 @@ def _refused(error: Error) -> Exception:
     return kind(f"refused by the server: {text}")
 
 
-def base_url(url: str, scheme: str) -> str:
-    """The server's address with `scheme` (ws or http; wss or https if `url` is secure); raises ValueError."""
-    parts = urlsplit(url if "://" in url else f"http://{url}")
-    try:
-        port = parts.port
-    except ValueError:
-        port = -1
-    if parts.scheme not in ("http", "https", "ws", "wss") or not parts.hostname or port == -1:
-        raise ValueError(f"url: {url!r}: expected an address like http://127.0.0.1:8765")
-    secure = "s" if parts.scheme in ("https", "wss") else ""
-    return f"{scheme}{secure}://{parts.netloc}{parts.path.rstrip('/')}"
-
-
 @asynccontextmanager
 async def connect(
-    url: str, hello: ViewerHello | SourceHello, *, timeout_s: float = 120.0
+    url: str, hello: ViewerHello | SourceHello, *, timeout_s: float = 120.0, tls: ssl.SSLContext | None = None
 ) -> AsyncIterator[tuple[Peer, Welcome]]:
-    """Connect and greet; `timeout_s` bounds the wait for the welcome.
+    """Connect and greet; `timeout_s` bounds the wait for the welcome; `tls`: whom to trust (default: as the machine).
 
-    Raises RefusedError if the server refuses, ConnectionError if no server answers.
+    Raises RefusedError if the server refuses or its certificate is not trusted, ConnectionError if no server answers,
+    ValueError for an address, or a proxy in the environment, that cannot be used.
     """
-    address = f"{base_url(url, 'ws')}/{hello.ROLE}"
-    try:
-        socket = await open_socket(address, max_size=None, compression=None, ping_timeout=120)
-    except (OSError, WebSocketException, TimeoutError) as error:
-        raise ConnectionError(f"no server at {url}: {error}") from error
+    socket = await _open(url, hello.ROLE, tls)
     async with socket:
         peer = Peer(socket)
         await peer.send(hello)
@@ -132,8 +120,39 @@ async def connect(
             async with asyncio.timeout(timeout_s):
                 welcome = await peer.receive(Welcome)
         except TimeoutError as error:
-            raise ConnectionError(f"the server at {url} did not answer within {timeout_s:g} s") from error
+            named = without_secrets(url)
+            raise ConnectionError(f"the server at {named} did not answer within {timeout_s:g} s") from error
         yield peer, welcome
+
+
+async def _open(url: str, role: str, tls: ssl.SSLContext | None) -> ClientConnection:
+    """A WebSocket that the server, or a proxy in between, has accepted."""
+    address, proxy = parse_address(url), proxy_of(url, "ws")
+    options: dict[str, Any] = {"ssl": tls} if tls is not None and address.secure else {}
+    if "%" in address.host:  # an interface, RFC 6874
+        options["host"] = unquote(address.host)
+    through = f" through the proxy {without_password(proxy)}" if proxy else ""
+    where = f"{address.url('ws')}/{role}"
+    try:
+        return await open_socket(
+            where, proxy=proxy, max_size=None, compression=None, ping_timeout=120, **options
+        )
+    except ssl.SSLCertVerificationError as error:
+        raise distrusted(url, error) from error
+    except InvalidStatus as error:
+        said = (error.response.body or b"")[:200].decode(errors="replace").strip()
+        said = f"{said or error.response.reason_phrase} (status {error.response.status_code})"
+        if error.response.status_code == 403:  # the server, or who stands before it, does not want this client
+            raise RefusedError(f"refused by the server: {said}") from error
+        raise ConnectionError(f"no server at {without_secrets(url)}{through}: {said}") from error
+    except (OSError, WebSocketException, TimeoutError) as error:
+        raise ConnectionError(f"no server at {without_secrets(url)}{through}: {error}") from error
+
+
+def distrusted(url: str, error: ssl.SSLCertVerificationError) -> RefusedError:
+    """What to say about a server whose certificate is not trusted."""
+    expected = "a server with a certificate that is trusted here (--ca-file adds an authority)"
+    return RefusedError(f"url: {without_secrets(url)!r}: expected {expected}: {error.verify_message}")
 
 
 async def persist(

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import urllib.error
-import urllib.request
-from http.client import HTTPResponse
 from pathlib import Path
 from typing import Annotated
 from urllib.parse import quote
@@ -15,14 +11,14 @@ from farside.engine.io.mesh_files import FORMATS, colours_of
 from farside.engine.io.recording import open_recording
 from farside.engine.settings import Settings
 from rich.console import Console
-from rich.progress import Progress, TaskID
+from rich.progress import Progress
 
-from .connection import base_url
+from .address import token_of
+from .fetching import fetch
 from .replay import parse_sources
+from .trust import trust_file
 
 __all__ = ["command"]
-
-_PIECE = 1 << 20  # bytes between two looks at the progress
 
 
 def command(
@@ -40,6 +36,10 @@ def command(
     ] = None,
     quality: Annotated[str, typer.Option(help="Sequences only: fast, balanced, best or paper.")] = "balanced",
     token: Annotated[str, typer.Option(envvar="FARSIDE_TOKEN", help="The server's token.")] = "",
+    ca_file: Annotated[
+        str,
+        typer.Option(metavar="FILE", envvar="FARSIDE_CA_FILE", help="PEM file of another authority to trust (TLS)."),
+    ] = "",
 ) -> None:
     """Write the background model of a live server, or of a sequence, as a mesh.
 
@@ -52,47 +52,22 @@ def command(
         raise ValueError(f"mesh: {mesh}: expected a file in a folder that exists")
     colours = colours_of(suffix, colours)
     if "://" in where:
-        data = _of_server(where, suffix, colours, token)
+        data = _of_server(where, suffix, colours, token_of(where, token), ca_file)
     else:
         data = _of_sequence(Path(where), suffix, colours, frames, sources, Settings.preset(quality))
     mesh.write_bytes(data)
     print(f"{mesh}: {len(data)} bytes")
 
 
-def _of_server(url: str, suffix: str, colours: str, token: str) -> bytes:
-    address = f"{base_url(url, 'http')}/mesh.{suffix}?colours={colours}&token={quote(token)}"
-    try:
-        with _progress() as bar:
-            task = bar.add_task("waiting for the server to make the file", total=None)
-            with urllib.request.urlopen(address, timeout=120) as answer:
-                return _received(answer, bar, task)
-    except urllib.error.HTTPError as error:
-        with error:
-            raise ValueError(
-                f"refused by the server: {_detail(error.read())} (status {error.code})"
-            ) from error
-    except urllib.error.URLError as error:
-        raise ConnectionError(f"no server at {url}: {error.reason}") from error
+def _of_server(url: str, suffix: str, colours: str, token: str, ca_file: str) -> bytes:
+    path = f"mesh.{suffix}?colours={colours}&token={quote(token, safe='')}"
+    with _progress() as bar:
+        task = bar.add_task("waiting for the server to make the file", total=None)
 
+        def show(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total, description="receiving")
 
-def _received(answer: HTTPResponse, bar: Progress, task: TaskID) -> bytes:
-    """The body of an answer; raises ConnectionError if it ends too early."""
-    size = int(answer.headers["Content-Length"])
-    bar.update(task, total=size, description="receiving")
-    data = bytearray()
-    while piece := answer.read(_PIECE):
-        data += piece
-        bar.update(task, completed=len(data))
-    if len(data) != size:
-        raise ConnectionError(f"the server's answer: {len(data)} bytes: expected {size}")
-    return bytes(data)
-
-
-def _detail(body: bytes) -> str:
-    try:
-        return str(json.loads(body)["detail"])
-    except (ValueError, KeyError, TypeError):
-        return body[:200].decode(errors="replace")
+        return fetch(url, path, timeout_s=120, tls=trust_file(ca_file), progress=show)
 
 
 def _of_sequence(

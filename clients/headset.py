@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import math
+import ssl
 import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -22,8 +24,10 @@ from farside.server.protocol import PoseUpdate, Scene, Stereo, ViewerHello, pose
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from .address import token_of
 from .connection import Peer, connect, persist
 from .render import parse_size
+from .trust import trust_file
 
 __all__ = ["Headset", "command", "swaying"]
 
@@ -79,6 +83,7 @@ class Headset:
     seconds: float = 10.0
     out: Path | None = None
     progress: Callable[[Headset], None] = lambda headset: None
+    tls: ssl.SSLContext | None = None  # whom to trust; None: as the machine
     scene: Scene | None = None
     sent: int = 0
     latencies_ms: list[float] = field(default_factory=list)
@@ -93,7 +98,7 @@ class Headset:
 
     async def run(self, url: str) -> None:
         """Connect, send poses and receive pictures for `seconds`; raises RefusedError or ConnectionError."""
-        async with connect(url, self.hello) as (peer, _):
+        async with connect(url, self.hello, tls=self.tls) as (peer, _):
             self._before = len(self.frames)
             self._show_scene(await peer.receive(Scene))
             receiving = asyncio.create_task(self._receive(peer))
@@ -195,13 +200,17 @@ def command(
     raw: Annotated[bool, typer.Option("--raw", help="Ask for raw pictures instead of JPEG.")] = False,
     axes: Annotated[str, typer.Option(help="Axes of poses on the wire: omaf or openxr.")] = "openxr",
     token: Annotated[str, typer.Option(envvar="FARSIDE_TOKEN", help="The server's token.")] = "",
+    ca_file: Annotated[
+        str,
+        typer.Option(metavar="FILE", envvar="FARSIDE_CA_FILE", help="PEM file of another authority to trust (TLS)."),
+    ] = "",
     patience: Annotated[float, typer.Option(help="Seconds to keep trying to connect.")] = 10.0,
 ) -> None:
     """Send head poses to a live server and receive stereo pictures, as a headset would."""
     width, height = parse_size(size)
     if not 1 < fov < 175:
         raise ValueError(f"--fov: {fov!r}: expected 1 to 175 degrees")
-    encoding = "raw" if raw else "jpeg"
+    encoding, token = "raw" if raw else "jpeg", token_of(url, token)
     hello = ViewerHello.symmetric(width, height, math.radians(fov), ipd=ipd, axes=axes, encoding=encoding, token=token)
     path = along_trace(pose_trace, trace_rate) if pose_trace else swaying
     if out is not None:
@@ -216,9 +225,10 @@ def command(
             seconds,
             out,
             lambda h: bar.update(task, description=f"{len(h.frames)} pictures"),
+            trust_file(ca_file),
         )
         try:
-            asyncio.run(persist(lambda: headset.run(url), patience, console.print))
+            asyncio.run(persist(lambda: headset.run(url), patience, partial(console.print, markup=False)))
         except KeyboardInterrupt:
             console.print("stopped")
     print(headset.summary())

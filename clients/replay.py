@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import ssl
 from collections import Counter
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
@@ -18,9 +20,12 @@ from farside.engine.rig.frame import View
 from farside.server.pictures import encode_view
 from farside.server.protocol import BufferFree, FrameDone, SharedMemory, SourceHello, ViewData, encode
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from .address import token_of
 from .connection import Peer, connect, persist
+from .trust import trust_file
 
 __all__ = ["Playback", "Replay", "command", "parse_sources"]
 
@@ -55,6 +60,7 @@ class Replay:
 
     playback: Playback
     progress: Callable[[Replay], None] = lambda replay: None
+    tls: ssl.SSLContext | None = None  # whom to trust; None: as the machine
     number: int = 0  # of the next frame
     skipped: int = 0  # frames not sent, to keep the rate
     outcomes: Counter[str] = field(default_factory=Counter)
@@ -66,7 +72,7 @@ class Replay:
         cameras = tuple(p.recording.camera(name) for name in p.sources)
         raw = p.texture == p.depth == "raw"  # only raw frames can go through the memory of a server on this machine
         hello = SourceHello(p.recording.name, p.rate, cameras, p.token, shares=raw)
-        async with connect(url, hello) as (peer, welcome):
+        async with connect(url, hello, tls=self.tls) as (peer, welcome):
             credits = 1 if p.every_frame else welcome.credits
             playhead = Playhead(p.recording, p.sources)
             session = _Session(peer, credits, _open_buffers(welcome.memory, cameras), playhead)
@@ -189,6 +195,10 @@ def command(
     jpeg: Annotated[bool, typer.Option("--jpeg", help="Send textures as JPEG.")] = False,
     deflate: Annotated[bool, typer.Option("--deflate", help="Compress depth (without loss).")] = False,
     token: Annotated[str, typer.Option(envvar="FARSIDE_TOKEN", help="The server's token.")] = "",
+    ca_file: Annotated[
+        str,
+        typer.Option(metavar="FILE", envvar="FARSIDE_CA_FILE", help="PEM file of another authority to trust (TLS)."),
+    ] = "",
     patience: Annotated[float, typer.Option(help="Seconds to keep trying to connect.")] = 10.0,
 ) -> None:
     """Send a sequence to a live server, as a camera rig would."""
@@ -204,15 +214,15 @@ def command(
         every_frame,
         "jpeg" if jpeg else "raw",
         "zlib" if deflate else "raw",
-        token,
+        token_of(url, token),
     )
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("frames"))
     with Progress(*columns, console=console) as bar:
-        task = bar.add_task(opened.name, total=playback.total)
-        replay = Replay(playback, lambda r: bar.update(task, completed=r.number))
+        task = bar.add_task(escape(opened.name), total=playback.total)
+        replay = Replay(playback, lambda r: bar.update(task, completed=r.number), trust_file(ca_file))
         try:
-            asyncio.run(persist(lambda: replay.run(url), patience, console.print))
+            asyncio.run(persist(lambda: replay.run(url), patience, partial(console.print, markup=False)))
         except KeyboardInterrupt:
             console.print("stopped")
     print(_summary(replay))

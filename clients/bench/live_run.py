@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import urllib.request
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ import numpy as np
 from farside.server.protocol import ViewerHello
 
 from ..connection import persist
+from ..fetching import fetch
 from ..headset import Headset
 
 __all__ = ["LiveFigures", "Usage", "measure_live"]
@@ -206,6 +206,5 @@ def _measure(
 
 
 def _status(url: str, seconds: float = 3600.0) -> dict[str, Any]:
-    with urllib.request.urlopen(f"{url}/status?seconds={seconds}", timeout=_HANG_S) as answer:
-        status: dict[str, Any] = json.load(answer)
-        return status
+    status: dict[str, Any] = json.loads(fetch(url, f"status?seconds={seconds}", timeout_s=_HANG_S))
+    return status
