@@ -18,8 +18,10 @@ from rich.console import Console
 from rich.progress import Progress
 
 from .ending import unfinished
+from .listening import addresses_of, listen
 from .replay import Playback, Replay
-from .serve import listen, server_settings, stop_within, url_of
+from .serve import server_settings, stop_within, tell_variables
+from .trust import trust_certificate
 
 __all__ = ["command"]
 
@@ -48,16 +50,20 @@ def command(
     console = Console()
     if target_fps is None and quality != "paper":
         target_fps = _TARGET_FPS
+    tell_variables()
     settings = server_settings(port=port, quality=quality, target_fps=target_fps)
     stop_within(settings)
     with listen(settings) as listening:
         folder = _twin(cache or _cache(), scale, frames, console)
         sequence = open_recording(folder)
         playback = Playback(sequence, sequence.source_names, rate, loop=True, token=settings.token)
-        address = url_of(listening, settings.token)
-        console.print(f"watch at [bold]{address}[/] (Ctrl-C stops); move with the mouse and W A S D Q E")
+        replay = Replay(playback, tls=trust_certificate(settings.ssl_certfile) if settings.secure else None)
+        own_address = addresses_of(listening, settings)[0]
+        address = " and ".join(addresses_of(listening, settings, settings.token))
+        text = f"watch at {address} (Ctrl-C stops); move with the mouse and W A S D Q E"
+        print(text, flush=True)  # not by rich, which would break a long address
         with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(_play(make_server(settings), listening, Replay(playback), seconds))
+            asyncio.run(_play(make_server(settings), listening, own_address, replay, seconds))
         console.print("stopped")
 
 
@@ -70,10 +76,10 @@ def _twin(cache: Path, scale: float, frames: int, console: Console) -> Path:
     folder = cache / f"museum-{scale:g}-{frames}"
     if folder.is_dir():
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-        _tell_place(console, f"the twin is in {folder}, {size / 1e9:.2g} GB", folder)
+        _tell_place(f"the twin is in {folder}, {size / 1e9:.2g} GB", folder)
         return folder
     partial = folder.with_name(f"{folder.name}.{os.getpid()}")
-    _tell_place(console, f"the twin will take {_twin_bytes(scale, frames) / 1e9:.3g} GB in {folder}", folder)
+    _tell_place(f"the twin will take {_twin_bytes(scale, frames) / 1e9:.3g} GB in {folder}", folder)
     with Progress(console=console) as bar:
         task = bar.add_task("making a twin of Museum (the first time compiles the ray tracer)", total=None)
         from farside.engine.synth import write_twin
@@ -95,17 +101,16 @@ def _twin_bytes(scale: float, frames: int) -> int:
     return frames * sum(6 * camera.width * camera.height for camera in cameras)
 
 
-def _tell_place(console: Console, what: str, folder: Path) -> None:
-    text = f"{what}; to remove it: rm -r {shlex.quote(str(folder))}"
-    console.print(text, soft_wrap=True, highlight=False, markup=False)
+def _tell_place(what: str, folder: Path) -> None:
+    print(f"{what}; to remove it: rm -r -- {shlex.quote(str(folder))}", flush=True)
 
 
 async def _play(
-    server: uvicorn.Server, listening: socket.socket, replay: Replay, seconds: float | None
+    server: uvicorn.Server, listening: list[socket.socket], url: str, replay: Replay, seconds: float | None
 ) -> None:
     """Serve and replay for `seconds`, or until either ends; then stop the replay before the server."""
-    serving = asyncio.create_task(server.serve(sockets=[listening]))
-    playing = asyncio.create_task(_replay(server, replay, url_of(listening)))
+    serving = asyncio.create_task(server.serve(sockets=listening))
+    playing = asyncio.create_task(_replay(server, replay, url))
     try:
         await asyncio.wait((serving, playing), timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
         if playing.done():

@@ -3,50 +3,65 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
+import sys
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import typer
 import uvicorn
 from farside.server.app import make_server
+from farside.server.environment import read_variables
 from farside.server.settings import ServerSettings
 from pydantic import ValidationError
 
 from .ending import set_patience
+from .listening import addresses_of, listen
 
-__all__ = ["command", "listen", "server_settings", "stop_within", "url_of"]
+__all__ = ["command", "server_settings", "stop_within", "tell_variables"]
+
+_OPTIONS = {"allowed_hosts": "--allow-host", "allowed_origins": "--allow-origin"}  # others are named after the field
 
 
 def server_settings(**given: Any) -> ServerSettings:
-    """Settings from the arguments that are not None, then from the environment; a ValueError names the wrong field."""
+    """Checked settings from the arguments that are not None, then from the environment.
+
+    Raises ValueError for the first wrong value, with the option or variable that it comes from and what is expected.
+    """
+    fields = ServerSettings.model_fields
+    variables = read_variables(os.environ, fields)
+    arguments = {field: value for field, value in given.items() if value is not None}
+    options = {field: _OPTIONS.get(field, "--" + field.replace("_", "-")) for field in fields}
+    names = options | variables.names | {field: options[field] for field in arguments}
+    values: dict[str, Any] = {**variables.values, **arguments}
     try:
-        return ServerSettings(**{name: value for name, value in given.items() if value is not None})
+        settings = ServerSettings(**values)
     except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(map(str, first["loc"]))
-        raise ValueError(f"{name}: {first['input']!r}: expected another value: {first['msg']}") from error
-
-
-def listen(settings: ServerSettings) -> socket.socket:
-    """The listening socket; raises OSError if the port is taken."""
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+        field = str(error.errors()[0]["loc"][0])
+        raise ValueError(f"{names[field]}: {values[field]!r}: expected {fields[field].description}") from error
+    settings.call(names)
     try:
-        return socket.create_server((settings.host, settings.port), family=family)
-    except OSError as error:
-        reason = error.strerror or error
-        raise OSError(f"port: {settings.port} on {settings.host}: expected a free one ({reason})") from error
+        settings.check()
+    except ValueError as error:
+        field, _, rest = str(error).partition(":")
+        raise ValueError(f"{settings.name_of(field)}:{rest}") from error
+    return settings
 
 
-def url_of(listening: socket.socket, token: str = "") -> str:
-    """The server's address for a browser on this machine."""
-    host, port = listening.getsockname()[:2]
-    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
-    host = f"[{host}]" if ":" in host else host
-    return f"http://{host}:{port}/" + (f"?token={token}" if token else "")
+def tell_variables() -> None:
+    """Say on stderr which variables FARSIDE_* are ignored, and why."""
+    for remark in read_variables(os.environ, ServerSettings.model_fields).remarks():
+        print(f"farside: {remark}", file=sys.stderr)
 
 
 def command(
-    host: Annotated[str | None, typer.Option(help="Address to listen on (default 127.0.0.1).")] = None,
+    host: Annotated[
+        str | None,
+        typer.Option(
+            help="Address or name to listen on (default 127.0.0.1; 0.0.0.0 or :: for all), or several with commas."
+        ),
+    ] = None,
     port: Annotated[int | None, typer.Option(help="Port (default 8765; 0: any free one).")] = None,
     token: Annotated[str | None, typer.Option(help="Token that clients must send (default: none).")] = None,
     allow_host: Annotated[
@@ -56,6 +71,16 @@ def command(
     allow_origin: Annotated[
         list[str] | None,
         typer.Option(metavar="URL", help="Pages of this origin may connect, too (https://example.org); * for all."),
+    ] = None,
+    root_path: Annotated[
+        str | None,
+        typer.Option(metavar="PATH", help="Path under which a proxy shows the server, if it keeps it (/farside)."),
+    ] = None,
+    ssl_certfile: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Serve by TLS, with the certificate in this PEM file.")
+    ] = None,
+    ssl_keyfile: Annotated[
+        str | None, typer.Option(metavar="FILE", help="PEM file with its key (default: in the same file).")
     ] = None,
     quality: Annotated[str | None, typer.Option(help="fast, balanced, best, or paper (as published).")] = None,
     views: Annotated[int | None, typer.Option(help="Views warped for each picture (n_render).")] = None,
@@ -93,8 +118,10 @@ def command(
     ] = None,
 ) -> None:
     """Run the live server. Every option can also be set in the environment, as FARSIDE_PORT and so on."""
+    tell_variables()
     settings = server_settings(
-        host=host, port=port, token=token, allowed_hosts=_joined(allow_host), allowed_origins=_joined(allow_origin),
+        host=host, port=port, token=token, root_path=root_path, allowed_hosts=_joined(allow_host),
+        allowed_origins=_joined(allow_origin), ssl_certfile=ssl_certfile, ssl_keyfile=ssl_keyfile,
         quality=quality, views=views, init=init, update=update,
         update_interval=update_interval, output_scale=output_scale, jpeg_quality=jpeg_quality, background=background,
         viewing_space=viewing_space, target_fps=target_fps, longest_update_s=longest_update_s,
@@ -102,7 +129,8 @@ def command(
     )  # fmt: skip
     stop_within(settings)
     with listen(settings) as listening:
-        print(f"serving at {url_of(listening, settings.token)} (Ctrl-C stops)", flush=True)
+        addresses = " and ".join(addresses_of(listening, settings, settings.token))
+        print(f"serving at {addresses} (Ctrl-C stops)", flush=True)
         run(make_server(settings), listening)
 
 
@@ -115,7 +143,7 @@ def stop_within(settings: ServerSettings) -> None:
     set_patience(settings.shutdown_timeout_s + 0.4)
 
 
-def run(server: uvicorn.Server, listening: socket.socket) -> None:
+def run(server: uvicorn.Server, listening: Sequence[socket.socket]) -> None:
     """Serve until Ctrl-C."""
     with contextlib.suppress(KeyboardInterrupt):
-        server.run(sockets=[listening])
+        server.run(sockets=list(listening))

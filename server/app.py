@@ -21,6 +21,7 @@ from farside.engine.live.engine import Live
 from farside.engine.live.interpreter import responsive
 from farside.engine.live.update_priority import Patience
 from fastapi import FastAPI, HTTPException, Request, Response, WebSocket
+from fastapi.middleware.cors import CORSMiddleware
 from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
 
@@ -30,12 +31,14 @@ from .ingest import serve_source
 from .origins import OriginCheck
 from .poses import serve_viewer
 from .protocol import MAX_CONTROL_BYTES
+from .root_path import RootPath
 from .service import Service
 from .settings import ServerSettings
 
 __all__ = ["create_app", "make_server"]
 
 PAGE = Path(str(files("farside.server"))) / "page"
+READ = ["GET", "HEAD"]  # health checks ask by HEAD
 
 
 def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | None = None) -> FastAPI:
@@ -50,22 +53,23 @@ def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | N
             app.state.service = Service(live, settings)
             yield
 
-    app = FastAPI(title="Farside", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
-    app.add_middleware(
-        OriginCheck,
-        listens_on=settings.host,
-        hosts=_listed(settings.allowed_hosts),
-        origins=_listed(settings.allowed_origins),
-        token=bool(settings.token),
+    app = FastAPI(
+        title="Farside", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None, redirect_slashes=False
     )
+    _add_middleware(app, settings)
     app.mount("/page", StaticFiles(directory=PAGE))
     _add_http(app)
     _add_sockets(app)
     return app
 
 
-def _listed(names: str) -> list[str]:
-    return [name.strip() for name in names.split(",") if name.strip()]
+def _add_middleware(app: FastAPI, settings: ServerSettings) -> None:
+    """What a request passes before it comes to a route; the last one that is added comes first."""
+    origins = settings.origins
+    app.add_middleware(RootPath, root=settings.root_path)
+    if origins:  # their pages may also read what HTTP answers
+        app.add_middleware(CORSMiddleware, allow_origins=origins, allow_methods=READ, allow_headers=["authorization"])
+    app.add_middleware(OriginCheck, hosts=settings.names, origins=origins, token=bool(settings.token))
 
 
 def _engine_maker(settings: ServerSettings) -> Callable[[Source], Core]:
@@ -73,26 +77,31 @@ def _engine_maker(settings: ServerSettings) -> Callable[[Source], Core]:
 
 
 def _add_http(app: FastAPI) -> None:
-    @app.get("/")
+    @app.api_route("/", methods=READ)
     def page() -> FileResponse:
         return FileResponse(PAGE / "index.html")
 
-    @app.get("/status")
+    @app.api_route("/status", methods=READ)
     async def status(seconds: float = math.inf) -> dict[str, Any]:
         return _service(app).status(seconds)
 
-    @app.get("/metrics")
+    @app.api_route("/metrics", methods=READ)
     async def metrics() -> Response:
         return Response(export_metrics(_service(app)), media_type="text/plain; version=0.0.4")
 
-    @app.get("/mesh.{format_name}")
+    @app.api_route("/mesh.{format_name}", methods=READ)
     async def mesh(format_name: str, request: Request) -> Response:
-        token = request.headers.get("authorization", "").removeprefix("Bearer ")
-        if not _service(app).authorised(token or request.query_params.get("token", "")):
+        if not _service(app).authorised(_token(request)):
             raise HTTPException(401, "token: another: expected the server's token")
         if format_name not in MEDIA_TYPES:
             raise HTTPException(404, f"format: {format_name}: expected glb or ply")
         return await export_mesh(_service(app), format_name, request.query_params.get("colours"))
+
+
+def _token(request: Request) -> str:
+    """The token in a request's header, or in its address; clients write text in headers as UTF-8."""
+    given = request.headers.get("authorization", "").removeprefix("Bearer ").encode("latin-1")
+    return given.decode(errors="replace") or request.query_params.get("token", "")
 
 
 def _add_sockets(app: FastAPI) -> None:
@@ -103,6 +112,12 @@ def _add_sockets(app: FastAPI) -> None:
     @app.websocket("/source")
     async def source(socket: WebSocket) -> None:
         await serve_source(socket, _service(app))
+
+    @app.api_route("/viewer", methods=READ)
+    @app.api_route("/source", methods=READ)
+    async def no_socket() -> Response:
+        text = "upgrade: none: expected a WebSocket; a proxy in between must pass on Upgrade and Connection"
+        return Response(text, 426, {"Upgrade": "websocket"}, "text/plain")
 
 
 def _service(app: FastAPI) -> Service:
@@ -119,6 +134,8 @@ def make_server(
         host=settings.host,
         port=settings.port,
         log_level=settings.log_level,
+        ssl_certfile=settings.ssl_certfile or None,
+        ssl_keyfile=settings.ssl_keyfile or None,
         ws=Connection,
         ws_max_size=MAX_CONTROL_BYTES,  # until a client has been greeted
         ws_per_message_deflate=False,  # pictures are compressed already and depth is large: it would only cost time

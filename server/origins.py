@@ -17,30 +17,31 @@ from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-__all__ = ["OriginCheck"]
+__all__ = ["OriginCheck", "canonical", "is_name", "is_origin"]
 
-_HOST = re.compile(r"([\w.-]+|\[[0-9a-fA-F:.]+(%25\w+)?\])(:\d+)?", re.ASCII)
+_HOST = re.compile(r"([\w.-]+|\[[0-9a-fA-F:.]+(%(25)?\w+)?\])(:\d+)?", re.ASCII)
+# What containers call the machine that they run on. Nobody can register a name under .internal, but a network's owner
+# may give others out: they are not taken.
+_MACHINE = ("host.docker.internal", "gateway.docker.internal", "host.containers.internal")
 _DEFAULT_PORTS = {"http": 80, "ws": 80, "https": 443, "wss": 443}
 
 
 class OriginCheck:
     """ASGI middleware that refuses, with 403, what comes under a foreign name or from a foreign page.
 
-    These names are taken: addresses written as numbers, names without a dot (nobody can register one; containers call
-    each other so), names under localhost, the machine's host name, the name in `listens_on`, and those in `hosts` ("*"
-    stands for any). With `token` any name is taken: a page that rebinds its name does not know the token. A page's
-    origin must be the address that it asks for, or one of `origins` ("https://example.org", "null", "*" for any). A
-    client that sends no Origin is not a page.
+    These names are taken: addresses written as numbers, also short ones (127.1), names without a dot (nobody can
+    register one; containers call each other so), names under localhost, the names that container engines give to the
+    machine (`_MACHINE`), the machine's host name, and those in `hosts` ("*" stands for any). With `token` any name is
+    taken: a page that rebinds its name does not know the token. A page's origin must be the address that it asks for,
+    or one of `origins` ("https://example.org", "null", "*" for any). A client that sends no Origin is not a page.
     """
 
-    def __init__(
-        self, app: ASGIApp, *, listens_on: str, hosts: Collection[str], origins: Collection[str], token: bool
-    ) -> None:
+    def __init__(self, app: ASGIApp, *, hosts: Collection[str], origins: Collection[str], token: bool) -> None:
         self._app, self._any_host = app, token or "*" in hosts
         own = socket.gethostname()
-        names = (listens_on, own, f"{own}.local", "localhost", *hosts)
+        names = (own, f"{own}.local", "localhost", *_MACHINE, *hosts)
         self._hosts = {(_split(f"//{name}") or (name.lower(), None))[0] for name in names}
-        self._origins = {_canonical(origin) for origin in origins}
+        self._origins = {canonical(origin) for origin in origins}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
@@ -58,7 +59,7 @@ class OriginCheck:
             names = ", ".join(sorted(self._hosts))
             expected = f"an address as numbers, a name without dots or one of {names} (--allow-host adds others)"
             return f"host: {host!r}: expected {expected}"
-        if origin is None or "*" in self._origins or _canonical(origin) in self._origins:
+        if origin is None or "*" in self._origins or canonical(origin) in self._origins:
             return None
         if scope["type"] == "websocket" and not _is_same(origin, host):
             return f"origin: {origin!r}: expected a page of {host!r} (--allow-origin adds others)"
@@ -71,7 +72,7 @@ class OriginCheck:
         return "." not in name or _is_address(name)
 
 
-def _canonical(origin: str) -> str:
+def canonical(origin: str) -> str:
     """An origin as browsers spell it: in lower case, without the port that its scheme has anyway."""
     origin = origin.lower().rstrip("/")
     scheme, _, rest = origin.partition("://")
@@ -95,8 +96,31 @@ def _is_same(origin: str, host: str) -> bool:
 
 
 def _is_address(name: str) -> bool:
+    """Whether a name is an address written as numbers; nobody can register one that ends in a number."""
     try:
         ipaddress.ip_address(name.partition("%")[0])
     except ValueError:
-        return False
+        return _is_short_address(name)
     return True
+
+
+def _is_short_address(name: str) -> bool:
+    """Whether a name is an IPv4 address with fewer than four numbers, or with hexadecimal ones."""
+    try:
+        return bool(socket.inet_aton(name))
+    except (OSError, UnicodeError):
+        return False
+
+
+def is_name(host: str) -> bool:
+    """Whether a setting is a host's name or address, with or without a port; or "*"."""
+    return host == "*" or (_HOST.fullmatch(host) is not None and bool((_split(f"//{host}") or ("", None))[0]))
+
+
+def is_origin(origin: str) -> bool:
+    """Whether a setting is an origin as browsers send it (RFC 6454 section 6): scheme, host and port; or "null", "*".
+    """
+    scheme, _, address = origin.rstrip("/").partition("://")
+    if origin in ("*", "null"):
+        return True
+    return re.fullmatch(r"[A-Za-z][A-Za-z0-9+.-]*", scheme) is not None and address != "*" and is_name(address)

@@ -1,48 +1,162 @@
-"""Server configuration: arguments, or environment variables FARSIDE_*."""
+"""Server configuration. Each field's description says what is expected; errors quote it."""
 
 from __future__ import annotations
 
-from typing import Literal
+import json
+import re
+from typing import Annotated, Any, Literal
+from urllib.parse import unquote
 
 from farside.engine.live.governor import Governor, make_ladder
 from farside.engine.settings import Settings
-from pydantic import Field
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, field_validator
 
+from .certificate import check_certificate
+from .origins import canonical, is_name, is_origin
 from .protocol import MAX_MESSAGE_BYTES
 
-__all__ = ["ServerSettings"]
+__all__ = ["ServerSettings", "listed"]
+
+_MOST = 1_000_000  # of counts and seconds: far beyond any use, and still a number that messages and timers can hold
 
 
-class ServerSettings(BaseSettings):
-    """Settings of the server and of its engine. Loaded once."""
+def listed(text: str) -> list[str]:
+    """The items of a list that is written with commas."""
+    return [item.strip() for item in text.split(",") if item.strip()]
 
-    model_config = SettingsConfigDict(env_prefix="FARSIDE_", frozen=True)
 
-    host: str = "127.0.0.1"
-    port: int = Field(8765, ge=0, le=65535)  # 0: any free one
-    token: str = ""  # empty: everyone may connect
-    allowed_hosts: str = ""  # names of this server besides its machine's, separated by commas; "*": any
-    allowed_origins: str = (
-        ""  # of other pages that may connect, like https://example.org, separated by commas; "*": any
+def _checked(is_valid: Any) -> AfterValidator:
+    def check(text: str) -> str:
+        if not all(map(is_valid, listed(text))):
+            raise ValueError
+        return text
+
+    return AfterValidator(check)
+
+
+def _hosts(text: str) -> str:
+    if not listed(text):
+        raise ValueError
+    return text
+
+
+def _root(path: str) -> str:
+    """A path as requests have it: percent-decoded, without a slash at its end."""
+    if path and not re.fullmatch(r"/|(/[^/?#\s]+)+/?", path):
+        raise ValueError
+    return unquote(path).rstrip("/")
+
+
+def _numbers(given: Any) -> Any:
+    """Numbers of a text: apart from each other as in options, or a JSON list."""
+    if not isinstance(given, str):
+        return given
+    return json.loads(given) if given.lstrip().startswith("[") else tuple(re.split(r"[\s,]+", given.strip()))
+
+
+def _ball(space: tuple[float, float, float, float] | None) -> tuple[float, float, float, float] | None:
+    if space is not None and space[3] < 0:
+        raise ValueError
+    return space
+
+
+_Ball = Annotated[tuple[float, float, float, float] | None, BeforeValidator(_numbers), AfterValidator(_ball)]
+
+
+def _count(least: int, description: str, most: int = _MOST) -> Any:
+    return Field(ge=least, le=most, description=description)
+
+
+def _seconds(description: str) -> Any:
+    return Field(gt=0, le=_MOST, description=f"seconds, above 0 and at most {_MOST}: {description}")
+
+
+class ServerSettings(BaseModel):
+    """Settings of the server and of its engine. Raises ValidationError for a value out of range."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    _names: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    host: Annotated[str, AfterValidator(_hosts), Field(description="addresses of this machine, or names of them")] = (
+        "127.0.0.1"  # several: separated by commas
     )
-    quality: Literal["fast", "balanced", "best", "paper"] = "balanced"
-    views: int | None = Field(None, ge=1)  # n_render
-    init: int | None = Field(None, ge=1)  # n_init
-    update: int | None = Field(None, ge=1)  # n_update
-    update_interval: int | None = Field(None, ge=1)
-    output_scale: float | None = Field(None, ge=0.05, le=4.0)
-    background: bool = True
-    viewing_space: tuple[float, float, float, float] | None = None  # x, y, z and radius, metres
-    jpeg_quality: int | None = Field(None, ge=1, le=100)
-    target_fps: float | None = Field(None, gt=0, le=1000)  # stereo pairs a second; None: no rate is held
-    longest_update_s: float = Field(5.0, gt=0)  # updates of the model give way to pictures for this long at most
-    render_workers: int = Field(2, ge=1, le=64)
-    max_viewers: int = Field(8, ge=1)
-    max_message_bytes: int = Field(MAX_MESSAGE_BYTES, ge=1 << 16)
-    hello_timeout_s: float = Field(10.0, gt=0)
-    shutdown_timeout_s: float = Field(1.5, gt=0)  # after a signal; then the engine is killed
-    log_level: Literal["critical", "error", "warning", "info", "debug"] = "warning"
+    port: Annotated[int, _count(0, "a number from 0 (any free port) to 65535", 65535)] = 8765
+    token: Annotated[str, Field(description="text")] = ""  # empty: everyone may connect
+    root_path: Annotated[
+        str, AfterValidator(_root), Field(description="a path that starts with one slash, like /farside")
+    ] = ""  # under which a proxy shows the service, if it keeps that path in its requests
+    allowed_hosts: Annotated[
+        str, _checked(is_name), Field(description='names like farside.example, separated by commas, or "*"')
+    ] = ""  # names of this server besides its machine's; "*": any
+    allowed_origins: Annotated[
+        str,
+        _checked(is_origin),
+        Field(description='origins like https://example.org, without a path, separated by commas, "null" or "*"'),
+    ] = ""  # of other pages that may connect; "*": any
+    ssl_certfile: Annotated[str, Field(description="a PEM file")] = ""  # a certificate and its chain; empty: no TLS
+    ssl_keyfile: Annotated[str, Field(description="a PEM file")] = ""  # empty: the key is in ssl_certfile
+    quality: Annotated[
+        Literal["fast", "balanced", "best", "paper"], Field(description="fast, balanced, best or paper")
+    ] = "balanced"
+    views: Annotated[int | None, _count(1, "a number of views, 1 or more")] = None  # n_render
+    init: Annotated[int | None, _count(1, "a number of views, 1 or more")] = None  # n_init
+    update: Annotated[int | None, _count(1, "a number of views, 1 or more")] = None  # n_update
+    update_interval: Annotated[int | None, _count(1, "a number of frames, 1 or more")] = None
+    output_scale: Annotated[float | None, Field(ge=0.05, le=4.0, description="a factor from 0.05 to 4")] = None
+    background: Annotated[bool, Field(description="true or false")] = True
+    viewing_space: Annotated[_Ball, Field(description="x, y, z and a radius of 0 or more, metres")] = None
+    jpeg_quality: Annotated[int | None, _count(1, "a number from 1 to 100", 100)] = None
+    target_fps: Annotated[
+        float | None, Field(gt=0, le=1000, description="stereo pairs a second, above 0 and at most 1000")
+    ] = None  # None: no rate is held
+    # Updates of the model give way to pictures for this long at most.
+    longest_update_s: Annotated[float, _seconds("the longest time that an update gives way to pictures")] = 5.0
+    render_workers: Annotated[int, _count(1, "a number of threads from 1 to 64", 64)] = 2
+    max_viewers: Annotated[int, _count(1, "a number of viewers, 1 or more")] = 8
+    max_message_bytes: Annotated[int, _count(1 << 16, "bytes, 65536 or more", 1 << 40)] = MAX_MESSAGE_BYTES
+    hello_timeout_s: Annotated[float, _seconds("the time for a client's hello")] = 10.0
+    shutdown_timeout_s: Annotated[float, _seconds("the time after a signal until the engine is killed")] = 1.5
+    log_level: Annotated[
+        Literal["critical", "error", "warning", "info", "debug"],
+        Field(description="critical, error, warning, info or debug"),
+    ] = "warning"
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _is_text(cls, value: Any) -> Any:
+        """Texts that are no Unicode cannot be sent, printed or looked up."""
+        if isinstance(value, str):
+            value.encode()  # raises a ValueError
+        return value
+
+    def name_of(self, field: str) -> str:
+        """What the user calls a field: the option or the variable that it comes from; else its own name."""
+        return self._names.get(field, field)
+
+    def call(self, names: dict[str, str]) -> None:
+        """From now on errors call fields by these names."""
+        self._names.update(names)
+
+    def check(self) -> None:
+        """Raises ValueError, which names a field, for values that do not go together and for unusable files."""
+        self.engine()
+        self.governor()
+        check_certificate(self.ssl_certfile, self.ssl_keyfile)
+
+    @property
+    def secure(self) -> bool:
+        """Whether clients connect by TLS."""
+        return bool(self.ssl_certfile)
+
+    @property
+    def names(self) -> list[str]:
+        """Names by which clients may address the server, besides the machine's own."""
+        return [*listed(self.host), *listed(self.allowed_hosts)]
+
+    @property
+    def origins(self) -> list[str]:
+        """Origins of other pages that may connect, as browsers spell them."""
+        return [canonical(origin) for origin in listed(self.allowed_origins)]
 
     def engine(self) -> Settings:
         """The engine's settings: the preset of `quality`, changed by the options that were given."""

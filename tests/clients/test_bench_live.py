@@ -89,7 +89,7 @@ def test_memory_that_processes_share_is_counted_once():
 
 
 def test_a_server_that_cannot_start_is_told(folder):
-    with pytest.raises(RuntimeError, match="serve ended with 2: farside: quality: 'poor'"):
+    with pytest.raises(RuntimeError, match="serve ended with 2: farside: --quality: 'poor'"):
         measure_live(folder, 5.0, 1.0, "poor", SIZE)
 
 

@@ -129,5 +129,5 @@ def test_what_is_given_bounds_the_ladder_and_bad_targets_are_named():
     assert governor.rung.settings == settings.engine()
     assert {rung.settings.n_render for rung in governor.rungs} == {2}
     for bad in (0, -3, 1e6):
-        with pytest.raises(ValueError, match="target_fps: "):
+        with pytest.raises(ValueError, match=r"^--target-fps: "):
             server_settings(target_fps=bad)

@@ -91,7 +91,9 @@ def test_a_token_does_not_let_other_pages_in() -> None:
     "host",
     [
         "evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost.evil.example", ":",
-        "evil.example@localhost", "localhost/evil.example", "[::1].evil.example", "127.0.0.1%evil.example",
+        "evil.example@localhost", "localhost/evil.example", "[::1].evil.example", "127.0.0.1%evil.example", "1.2.3.4.5",
+        "127.1.evil", "127.0.0.256", "evil.internal", "host.docker.internal.evil.example", "docker.internal",
+        "evil.local",
     ],
 )
 def test_a_name_that_points_here_is_not_ours(host: str) -> None:
@@ -115,6 +117,14 @@ def test_a_page_whose_name_is_made_to_point_here_is_refused_though_it_is_of_the_
         ({}, "127.0.0.1:1"),
         ({}, "[::1]:8765"),
         ({}, "[fe80::1%25eth0]"),
+        ({}, "[fe80::1%eth0]"),
+        ({}, "127.1"),  # as some clients send what they were given; nobody can register it
+        ({}, "127.1:8765"),
+        ({}, "0x7f.0.0.1"),
+        ({}, "2130706433"),
+        ({}, "host.docker.internal:8765"),  # what containers call the machine that they run on
+        ({}, "gateway.docker.internal"),
+        ({}, "host.containers.internal"),
         ({}, "192.168.1.7"),
         ({}, "LocalHost:9"),
         ({}, "demo.localhost"),
@@ -131,3 +141,36 @@ def test_a_page_whose_name_is_made_to_point_here_is_refused_though_it_is_of_the_
 def test_names_of_this_machine_and_those_that_are_allowed_are_ours(given: dict[str, Any], host: str) -> None:
     with running(FakeCore, **given) as url:
         assert get(url, host)[0] == 200
+
+
+# Over HTTP
+
+
+def ask(url: str, method: str, path: str, **headers: str) -> tuple[int, dict[str, str], bytes]:
+    parts = urlsplit(url)
+    client = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=HANG_S)
+    try:
+        client.request(method, path, headers=headers)
+        answer = client.getresponse()
+        return answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
+    finally:
+        client.close()
+
+
+def test_pages_of_allowed_origins_and_no_others_may_read_what_http_answers() -> None:
+    allowed, other = "https://a.example", "https://b.example"
+    with running(FakeCore, allowed_origins="https://A.example:443/") as url:
+        for method in ("GET", "HEAD"):
+            assert ask(url, method, "/status", Origin=allowed)[1]["access-control-allow-origin"] == allowed
+            assert "access-control-allow-origin" not in ask(url, method, "/status", Origin=other)[1]
+            assert "access-control-allow-origin" not in ask(url, method, "/status")[1]
+        before = {"Access-Control-Request-Method": "GET", "Access-Control-Request-Headers": "authorization"}
+        status, headers, _ = ask(url, "OPTIONS", "/mesh.glb", Origin=allowed, **before)
+        assert (status, headers["access-control-allow-origin"]) == (200, allowed)
+        assert "authorization" in headers["access-control-allow-headers"].lower()
+        assert ask(url, "OPTIONS", "/mesh.glb", Origin=other, **before)[0] == 400
+        assert ask(url, "OPTIONS", "/mesh.glb", Origin=allowed, Host="evil.example", **before)[0] == 403
+    with running(FakeCore) as url:
+        assert "access-control-allow-origin" not in ask(url, "GET", "/status", Origin=allowed)[1]
+    with running(FakeCore, allowed_origins="*") as url:
+        assert ask(url, "GET", "/status", Origin=other)[1]["access-control-allow-origin"] == "*"

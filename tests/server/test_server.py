@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 import trimesh
 from farside.clients.connection import Peer, RefusedError, base_url, connect, persist
-from farside.clients.serve import listen, server_settings
 from farside.engine.live.core import CoreLostError
 from farside.engine.live.frame_memory import Planes, open_buffer
 from farside.engine.live.timing import Activity, StallMonitor
@@ -41,7 +40,6 @@ from farside.server.protocol import (
     ViewerHello,
     Welcome,
 )
-from farside.server.settings import ServerSettings
 from support.clocks import Clock
 from support.doubles import CAMERAS, Cores, FakeCore, a_view
 from support.serving import running
@@ -754,23 +752,6 @@ def test_addresses(given: str, expected: str) -> None:
 def test_addresses_that_are_none(given: str) -> None:
     with pytest.raises(ValueError, match="expected an address like"):
         base_url(given, "ws")
-
-
-def test_settings_come_from_arguments_then_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("FARSIDE_VIEWS", "3")
-    monkeypatch.setenv("FARSIDE_PORT", "1234")
-    settings = server_settings(port=99, quality="fast", token=None)
-    assert (settings.port, settings.views, settings.quality) == (99, 3, "fast")
-    assert settings.engine().n_render == 3
-    with pytest.raises(ValueError, match="quality: 'poor': expected another value"):
-        server_settings(quality="poor")
-
-
-def test_a_port_that_is_taken_is_named() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        with pytest.raises(OSError, match=f"port: {port} on 127.0.0.1: expected a free one"):
-            listen(ServerSettings(port=port))
 
 
 def test_home_is_amid_the_cameras_level_and_looks_where_they_look() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from farside.clients.serve import listen
+from farside.clients.listening import addresses_of, listen
 from farside.engine.live.core import Core, Source
 from farside.server.app import make_server
 from farside.server.settings import ServerSettings
@@ -24,15 +24,14 @@ def running(make_core: Callable[[Source], Core] | None = None, **given: Any) -> 
     settings = ServerSettings(**({"port": 0} | given))
     server = make_server(settings, make_core)
     with listen(settings) as listening:
-        host, port = listening.getsockname()[:2]
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+        thread = threading.Thread(target=server.run, kwargs={"sockets": listening})
         thread.start()
         try:
             deadline = time.monotonic() + HANG_S
             while not server.started and thread.is_alive() and time.monotonic() < deadline:
                 time.sleep(0.005)
             assert server.started
-            yield f"http://{host}:{port}"
+            yield addresses_of(listening, settings)[0].rstrip("/")
         finally:
             server.should_exit = True
             thread.join(HANG_S)
