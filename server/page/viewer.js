@@ -29,7 +29,9 @@ function eye() {
 function isBoth() { return element("eyes").value === "both"; }
 
 function connect() {
-  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/viewer`);
+  const address = new URL("viewer", document.baseURI); // under the page's own path
+  address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
+  const socket = new WebSocket(address);
   let refusal = "";
   socket.binaryType = "arraybuffer";
   socket.onopen = () => {

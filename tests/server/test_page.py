@@ -6,10 +6,12 @@ import asyncio
 import base64
 import io
 import math
+import ssl
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -19,7 +21,9 @@ from farside.engine.rig.viewer import StereoView
 from farside.server.pictures import encode_view
 from farside.server.protocol import FrameDone, SourceHello
 from PIL import Image
+from support.certificates import make_certificates
 from support.doubles import CAMERAS, Cores, FakeCore, a_frame
+from support.proxy import reverse_proxy
 from support.serving import running
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -55,12 +59,12 @@ class Ramp(FakeCore):
 
 
 @contextmanager
-def playing(url: str) -> Iterator[None]:
+def playing(url: str, token: str = "") -> Iterator[None]:
     """A source that sent one frame and stays."""
     ready, stop = threading.Event(), threading.Event()
 
     async def source() -> None:
-        async with connect(url, SourceHello("walls", 30.0, CAMERAS)) as (peer, _):
+        async with connect(url, SourceHello("walls", 30.0, CAMERAS, token)) as (peer, _):
             for view in a_frame(6).views:
                 await peer.send(encode_view(view, 6))
             await peer.receive(FrameDone)
@@ -81,7 +85,7 @@ def playing(url: str) -> Iterator[None]:
 def page() -> Iterator[sync_api.Page]:
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
-        page = browser.new_page(viewport={"width": 800, "height": 600})
+        page = browser.new_page(viewport={"width": 800, "height": 600}, ignore_https_errors=True)
         page.set_default_timeout(HANG_MS)
         yield page
         browser.close()
@@ -194,4 +198,46 @@ def test_a_refusal_is_shown(page: sync_api.Page) -> None:
         message = "token: another: expected the server's token"
         page.wait_for_function(f"document.getElementById('message').textContent.includes(\"{message}\")")
         page.goto(f"{url}/?token=sesame")
+        page.wait_for_function("document.getElementById('message').textContent === 'waiting for a source'")
+
+
+TOKEN = "a b&c#d%e+f\"'ü"
+
+
+@pytest.mark.parametrize(("keep", "told"), [(True, True), (False, False)], ids=["keeps", "strips untold"])
+@pytest.mark.parametrize("slash", ["/", ""])
+@pytest.mark.parametrize("secure", [False, True], ids=["http", "https"])
+def test_it_works_under_a_path_of_a_proxy(
+    page: sync_api.Page, keep: bool, told: bool, slash: str, secure: bool, tmp_path: Path
+) -> None:
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("requestfailed", lambda request: problems.append(f"{request.url}: {request.failure}"))
+    page.on("response", lambda answer: problems.extend([f"{answer.url}: {answer.status}"] * (answer.status >= 400)))
+    tls = None
+    if secure:
+        files, tls = make_certificates(tmp_path), ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        tls.load_cert_chain(files.certificate, files.key)
+    given = {"token": TOKEN} | ({"root_path": "/far/side"} if told else {})
+    with (
+        running(Ramp, **given) as url,
+        playing(url, TOKEN),
+        reverse_proxy(url, "/far/side", keep=keep, tls=tls) as proxy,
+    ):
+        page.goto(f"{proxy}/far/side{slash}?token={quote(TOKEN, safe='')}")
+        wait_shown(page, 3)
+        assert page.evaluate("location.pathname") == "/far/side/"
+        assert page.text_content("#message") == ""
+        assert shot(page).std() > 5
+        page.goto("about:blank")
+    if not slash and not told:  # the browser has asked for what the page names before the page has gone on
+        problems = [problem for problem in problems if not problem.startswith(f"{proxy}/far/page/")]
+    assert problems == []
+
+
+def test_it_is_served_with_a_certificate(page: sync_api.Page, tmp_path: Path) -> None:
+    files = make_certificates(tmp_path)
+    given = {"ssl_certfile": str(files.certificate), "ssl_keyfile": str(files.key)}
+    with running(Ramp, **given) as url:
+        page.goto(url)
         page.wait_for_function("document.getElementById('message').textContent === 'waiting for a source'")
