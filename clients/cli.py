@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import sys
 from importlib.metadata import version
 from typing import Annotated, Any, NoReturn
@@ -75,6 +76,8 @@ def _farside(
 
 def main() -> NoReturn:
     """Run the command line; bad input (ValueError, OSError) becomes one line on stderr and exit code 2."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")  # names of files that are no text are printed as they are
     try:
         end_soon()
         app()

@@ -16,6 +16,7 @@ from farside.engine.io.recording import open_recording
 from farside.server.app import make_server
 from rich.console import Console
 from rich.progress import Progress
+from rich.text import Text
 
 from .ending import unfinished
 from .listening import addresses_of, listen
@@ -60,8 +61,8 @@ def command(
         replay = Replay(playback, tls=trust_certificate(settings.ssl_certfile) if settings.secure else None)
         own_address = addresses_of(listening, settings)[0]
         address = " and ".join(addresses_of(listening, settings, settings.token))
-        text = f"watch at {address} (Ctrl-C stops); move with the mouse and W A S D Q E"
-        print(text, flush=True)  # not by rich, which would break a long address
+        text = ("watch at ", (address, "bold"), " (Ctrl-C stops); move with the mouse and W A S D Q E")
+        console.print(Text.assemble(*text), soft_wrap=True, highlight=False)  # an address stays in one piece
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_play(make_server(settings), listening, own_address, replay, seconds))
         console.print("stopped")
