@@ -62,4 +62,6 @@ class _Figures(Collector):
         yield GaugeMetricFamily("farside_viewers", "Viewers connected", value=len(status["viewers"]))
         yield GaugeMetricFamily("farside_source_connected", "1 if a source is connected", status["source_connected"])
         for name, value in (status["rates"] | status["event_loop"] | status["pictures"]).items():
+            if value is None:  # this system does not tell
+                continue
             yield GaugeMetricFamily(f"farside_{name}", name.replace("_", " "), value=value)

@@ -72,11 +72,16 @@ def _judged(playing: LiveFigures, still: LiveFigures) -> Table:
     table = Table("while video plays", "ms", "wanted, at most", "idle, or without video")
     stalls = playing.status["event_loop"]
     for kind, name in _STALLS.items():
-        stall, idle = (figures[f"longest_{kind}_ms"] for figures in (stalls, playing.idle))
-        table.add_row(name, f"{stall:.1f}", f"{_LONGEST_STALL_MS:g}", f"{idle:.1f}")
+        stall, idle = (_shown(figures[f"longest_{kind}_ms"]) for figures in (stalls, playing.idle))
+        table.add_row(name, stall, f"{_LONGEST_STALL_MS:g}", idle)
     pause, without = (f"{pause_ms(figures, still):.1f}" for figures in (playing, still))
     table.add_row("longest picture during an update, beyond a median without", pause, f"{_LONGEST_PAUSE_MS:g}", without)
     return table
+
+
+def _shown(milliseconds: float | None) -> str:
+    """A time that not every system tells."""
+    return "unknown" if milliseconds is None else f"{milliseconds:.1f}"
 
 
 def _rows(figures: LiveFigures) -> Iterator[tuple[str, str]]:
@@ -88,7 +93,7 @@ def _rows(figures: LiveFigures) -> Iterator[tuple[str, str]]:
     yield "frames dropped, failed", f"{frames['dropped']}, {frames['failed']}"
     for name, what in _STALLS.items():
         both = (status["event_loop"][f"longest_{name}{when}_ms"] for when in ("", "_during_update"))
-        yield f"{what}; during updates, ms", ", ".join(f"{ms:.1f}" for ms in both)
+        yield f"{what}; during updates, ms", ", ".join(map(_shown, both))
     for name in ("picture", "picture_during_update"):
         median = status["stages_ms"].get(name, {"p50": math.nan})["p50"]
         longest = status["pictures"][f"longest_{name}_ms"]

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from ..rig.camera import Camera
 from ..rig.frame import Lent, Texture
 
-__all__ = ["FrameBuffer", "FrameBuffers", "Planes", "frame_bytes", "lay_out", "open_buffer", "open_memory"]
+__all__ = ["FrameBuffer", "FrameBuffers", "Planes", "frame_bytes", "lay_out", "map_memory", "open_buffer"]
 
 _ALIGNMENT = 64  # bytes
 
@@ -130,19 +130,22 @@ def _create(name: str, size: int) -> int:
 def open_buffer(process: int, file: int, name: str, cameras: Sequence[Camera]) -> dict[str, Planes]:
     """The planes of another process' buffer, writable; arguments as in `Lent`.
 
-    Raises OSError if it cannot be opened, or its name or size is not the expected one.
+    Raises OSError if it cannot be opened (there is no /proc, or the process is of another user or in another
+    container), or its name or size is not the expected one.
     """
-    return lay_out(np.frombuffer(open_memory(process, file, name, cameras), np.uint8), cameras)
-
-
-def open_memory(process: int, file: int, name: str, cameras: Sequence[Camera]) -> mmap.mmap:
-    """The memory of another process' buffer; raises OSError as `open_buffer` does."""
     path = f"/proc/{process}/fd/{file}"
     opened = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     try:
         found = os.readlink(f"/proc/self/fd/{opened}"), os.fstat(opened).st_size
         if found != (f"/memfd:{name} (deleted)", frame_bytes(cameras)):
             raise OSError(f"{path}: {found}: expected {name} of {frame_bytes(cameras)} bytes")
-        return mmap.mmap(opened, frame_bytes(cameras))
+        return lay_out(np.frombuffer(map_memory(opened, cameras), np.uint8), cameras)
     finally:
         os.close(opened)
+
+
+def map_memory(file: int, cameras: Sequence[Camera]) -> mmap.mmap:
+    """The memory of a frame in an open file, writable; raises OSError if it has another size than expected."""
+    if (size := os.fstat(file).st_size) != frame_bytes(cameras):
+        raise OSError(f"a frame's memory: {size} bytes: expected {frame_bytes(cameras)}")
+    return mmap.mmap(file, size)

@@ -106,8 +106,8 @@ class StallMonitor:
     """Measures how late the event loop wakes a sleeper up: overall, and while a background update runs.
 
     A stall is reported three ways. stall: in total. own_stall: without the time that the loop's thread waited for a
-    core (Linux schedstat), which is the load of the machine; the rest is caused by this service. busy: the CPU time of
-    the loop's thread, so without waiting for the interpreter and for locks.
+    core (Linux schedstat), which is the load of the machine; the rest is caused by this service; it is None where the
+    system does not tell. busy: the CPU time of the loop's thread, so without waiting for the interpreter and for locks.
     """
 
     KINDS = ("stall", "own_stall", "busy")
@@ -116,10 +116,12 @@ class StallMonitor:
         self._updates, self._interval_s = updates, interval_s
         self._longest = {f"{kind}{when}": Longest() for kind in self.KINDS for when in ("", "_during_update")}
         self._busy_s = 0.0
+        self._knows_waiting = True
 
     async def run(self) -> None:
         """Measure until cancelled."""
         with _WaitingForCore() as waiting:
+            self._knows_waiting = waiting.is_known
             first = busy = time.thread_time()
             start, waited = time.monotonic(), waiting.milliseconds()
             while True:
@@ -136,27 +138,35 @@ class StallMonitor:
             if self._updates.since(since):
                 self._longest[f"{kind}_during_update"].add(duration)
 
-    def summary(self, seconds: float = math.inf) -> dict[str, float]:
+    def summary(self, seconds: float = math.inf) -> dict[str, float | None]:
         """The longest of each kind in the last `seconds`, milliseconds; loop_busy_s: the loop thread's CPU time so far.
         """
-        figures = {f"longest_{name}_ms": longest.over(seconds) for name, longest in self._longest.items()}
+        figures: dict[str, float | None] = {}
+        for name, longest in self._longest.items():
+            is_known = self._knows_waiting or not name.startswith("own_stall")
+            figures[f"longest_{name}_ms"] = longest.over(seconds) if is_known else None
         return figures | {"loop_busy_s": self._busy_s}
 
 
 class _WaitingForCore:
-    """How long the calling thread has been runnable without running, as Linux counts it; 0 on other systems."""
+    """How long the calling thread has been runnable without running, as Linux counts it; 0 where it is not known."""
 
     def __init__(self) -> None:
         self._file: int | None = None
 
     def __enter__(self) -> _WaitingForCore:
-        with suppress(OSError):
+        with suppress(OSError):  # another system, a container without /proc, a kernel that does not count
             self._file = os.open(f"/proc/self/task/{threading.get_native_id()}/schedstat", os.O_RDONLY)
         return self
 
     def __exit__(self, *error: object) -> None:
         if self._file is not None:
             os.close(self._file)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the system tells."""
+        return self._file is not None
 
     def milliseconds(self) -> float:
         """Since the thread began: the second of three numbers, in nanoseconds."""

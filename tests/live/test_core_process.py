@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import pytest
@@ -195,9 +196,14 @@ def test_lent_frames_are_read_where_they_are_and_given_back_when_nobody_reads_th
 
 def test_lent_memory_that_is_not_there_is_an_error_and_nothing_is_kept(core: ProcessCore) -> None:
     buffers = FrameBuffers(CAMERAS, 1, "farside-test")
-    lent = buffers.lent(0)._replace(name="farside-other")
-    with pytest.raises(OSError, match="expected farside-other"):
-        core.update(dataclasses.replace(a_frame(0), lent=lent), dict, {}, 30.0)
+    closed = buffers.lent(0)._replace(name="farside-closed", file=1 << 20)
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        core.update(dataclasses.replace(a_frame(0), lent=closed), dict, {}, 30.0)
+    with TemporaryFile() as other:
+        lent = buffers.lent(0)._replace(name="farside-other", file=other.fileno())
+        with pytest.raises(OSError, match="a frame's memory: 0 bytes: expected "):
+            core.update(dataclasses.replace(a_frame(0), lent=lent), dict, {}, 30.0)
+    core.update(a_frame(0), dict, {}, 30.0)
     assert core.held_frames == 0
     buffers.close()
 

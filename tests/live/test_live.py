@@ -618,6 +618,28 @@ def test_what_linux_counts_can_be_read() -> None:
     run(scenario)
 
 
+def test_where_the_system_does_not_count_waiting_it_is_none_and_the_rest_is_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(path: str, flags: int) -> int:
+        raise FileNotFoundError(path)
+
+    async def scenario() -> None:
+        monitor = StallMonitor(Activity(), 0.0)
+        task = asyncio.create_task(monitor.run())
+        while not (monitor.summary()["longest_stall_ms"] or task.done()):
+            await asyncio.sleep(0)
+        assert not task.done()
+        task.cancel()
+        figures = monitor.summary()
+        assert [name for name, value in figures.items() if value is None] == [
+            "longest_own_stall_ms", "longest_own_stall_during_update_ms",
+        ]  # fmt: skip
+
+    monkeypatch.setattr(timing, "os", SimpleNamespace(open=refuse, O_RDONLY=os.O_RDONLY))
+    run(scenario)
+
+
 def test_the_longest_is_that_of_the_seconds_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     now = 100.0
     monkeypatch.setattr(timing, "time", SimpleNamespace(monotonic=lambda: now))
