@@ -134,6 +134,7 @@ def make_server(
         host=settings.host,
         port=settings.port,
         log_level=settings.log_level,
+        workers=1,  # else WEB_CONCURRENCY, which platforms set for other servers
         ssl_certfile=settings.ssl_certfile or None,
         ssl_keyfile=settings.ssl_keyfile or None,
         ws=Connection,

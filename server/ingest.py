@@ -170,8 +170,10 @@ def _wake(loop: asyncio.AbstractEventLoop, event: asyncio.Event) -> None:
 
 
 def _on_this_machine(socket: WebSocket) -> bool:
-    """Whether the peer's address is a loopback address."""
+    """Whether the peer's address is a loopback address; one of IPv4 may come through a socket of both families."""
     try:
-        return socket.client is not None and ipaddress.ip_address(socket.client.host).is_loopback
+        address = ipaddress.ip_address(socket.client.host if socket.client else "")
     except ValueError:
         return False
+    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
+    return (mapped or address).is_loopback

@@ -9,12 +9,16 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from farside.clients.cli import COMMANDS
 from support.checkout import ROOT, copy_checkout
+from support.doubles import FakeCore
+from support.serving import running
 
 DOCKERFILE = (ROOT / "docker" / "Dockerfile").read_text()
 COMPOSE = (ROOT / "docker" / "compose.yaml").read_text()
@@ -42,6 +46,19 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def in_image(image: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     (entry,) = map(json.loads, steps("ENTRYPOINT"))
     return subprocess.run([*entry, *arguments], cwd=image, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize("healthy", [True, False])
+def test_the_health_check_asks_the_server_and_no_proxy(healthy: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    (found,) = re.findall(r"test: (\[.*\])", COMPOSE)
+    kind, python, *arguments = json.loads(found)
+    assert (kind, python) == ("CMD", ".venv/bin/python")
+    monkeypatch.setenv("http_proxy", "http://127.0.0.1:9")
+    with running(FakeCore, host="localhost") as url:
+        port = str(urlsplit(url).port) if healthy else "9"
+        code = arguments[1].replace("8765", port)
+        done = subprocess.run([sys.executable, arguments[0], code], capture_output=True, timeout=60)
+    assert (done.returncode == 0) is healthy, done.stderr
 
 
 def test_install_steps_are_the_readmes() -> None:

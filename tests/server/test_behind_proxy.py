@@ -146,3 +146,10 @@ def test_every_route_that_is_read_takes_head() -> None:
 
     methods = [getattr(route, "methods", None) for route in create_app(ServerSettings()).routes]
     assert [found for found in methods if found and "GET" in found] == [{"GET", "HEAD"}] * 6
+
+
+def test_variables_for_other_servers_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WEB_CONCURRENCY", "auto")
+    monkeypatch.setenv("PORT", "tcp://10.0.0.1:80")
+    with running(FakeCore) as url:
+        assert ask(f"{url}/status")[0] == 200

@@ -684,8 +684,11 @@ def test_memory_is_offered_to_this_machine_only(url: str, monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize(
     ("address", "here"),
-    [("127.0.0.1", True), ("::1", True), ("192.0.2.7", False), ("testclient", False), (None, False)],
-)
+    [
+        ("127.0.0.1", True), ("::1", True), ("::ffff:127.0.0.1", True),
+        ("::ffff:192.0.2.7", False), ("192.0.2.7", False), ("testclient", False), (None, False),
+    ],
+)  # fmt: skip
 def test_which_addresses_are_this_machines(address: str | None, here: bool) -> None:
     client = None if address is None else SimpleNamespace(host=address)
     assert ingest._on_this_machine(SimpleNamespace(client=client)) is here
