@@ -9,12 +9,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from farside.clients.cli import app
 from farside.clients.connection import connect
 from farside.server import protocol
 from farside.server.pictures import encode_view
 from PIL import Image
 from support.doubles import CAMERAS, FakeCore, a_view
 from support.serving import running
+from typer.testing import CliRunner
 
 DOCUMENT = (Path(__file__).parents[2] / "server" / "PROTOCOL.md").read_text("utf-8")
 
@@ -28,6 +30,13 @@ def block(language: str) -> str:
 def test_the_example_bytes_are_the_pose_that_they_are_said_to_be() -> None:
     update = protocol.decode(bytes.fromhex(block("hex")), protocol.PoseUpdate)
     assert update == protocol.PoseUpdate(7, 1.5, (0.0, 1.6, 0.25), (0.0, 0.0, 0.0, 1.0))
+
+
+def test_the_options_that_it_names_exist() -> None:
+    named = set(re.findall(r"`(--[a-z-]+)", DOCUMENT))
+    assert named >= {"--root-path", "--allow-host", "--allow-origin", "--ca-file"}
+    helps = [CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "500"}).output for name in ("serve", "replay")]
+    assert [name for name in named if not re.search(rf"{name}\b", "".join(helps))] == []
 
 
 @pytest.mark.parametrize("code", list(protocol.CloseCode))
