@@ -10,10 +10,12 @@ from contextlib import contextmanager
 from urllib.parse import urljoin, urlsplit
 
 import pytest
-from farside.clients.connection import connect
+from farside.clients.connection import RefusedError, connect
 from farside.clients.fetching import fetch
-from farside.server.app import PAGE
+from farside.clients.serve import server_settings
+from farside.server.app import PAGE, create_app
 from farside.server.protocol import ViewerHello
+from farside.server.settings import ServerSettings
 from support.doubles import HANG_S, FakeCore
 from support.proxy import reverse_proxy
 from support.serving import running
@@ -28,10 +30,7 @@ PREFIX = pytest.mark.parametrize("prefix", ["/farside", "/a/b", "/gr%C3%B6%C3%9F
 @contextmanager
 def behind(prefix: str, keep: bool, told: bool) -> Iterator[str]:
     """The service's address behind a proxy, without a slash at its end."""
-    given = {"root_path": prefix} if told else {}
-    from farside.clients.serve import server_settings
-
-    root = server_settings(**given).root_path
+    root = server_settings(root_path=prefix if told else None).root_path
     with running(FakeCore, root_path=root) as url, reverse_proxy(url, prefix, keep=keep) as proxy:
         yield proxy + prefix
 
@@ -76,6 +75,24 @@ def test_clients_reach_the_service(prefix: str, keep: bool, told: bool) -> None:
         assert asyncio.run(greet(url)) == "viewer-1"
         assert asyncio.run(greet(url + "/")) == "viewer-2"
         assert b'"source_connected":false' in fetch(url, "status", timeout_s=HANG_S)
+
+
+def test_clients_say_who_they_are_to_a_proxy_that_asks() -> None:
+    async def greet(url: str) -> str:
+        async with asyncio.timeout(HANG_S), connect(url, VIEWER) as (_, welcome):
+            return welcome.client
+
+    proxied = {"keep": False, "user": "me:p@ss wörd"}
+    with running(FakeCore) as url, reverse_proxy(url, "/farside", **proxied) as proxy:  # type: ignore[arg-type]
+        named = proxy.replace("://", "://me:p%40ss%20w%C3%B6rd@") + "/farside"
+        assert asyncio.run(greet(named)) == "viewer-1"
+        assert b"session" in fetch(named, "status", timeout_s=HANG_S)
+        other = named.replace("ss%20", "")
+        told = rf"no server at {re.escape(proxy)}/farside: who\? \(status 401\)"
+        with pytest.raises(ConnectionError, match=told):
+            asyncio.run(greet(other))
+        with pytest.raises(RefusedError, match=r"refused by the server: who\? \(status 401\)"):
+            fetch(other, "status", timeout_s=HANG_S)
 
 
 @WAYS
@@ -141,9 +158,6 @@ def test_head_gives_what_get_gives_without_a_body(path: str, kind: str) -> None:
 
 
 def test_every_route_that_is_read_takes_head() -> None:
-    from farside.server.app import create_app
-    from farside.server.settings import ServerSettings
-
     methods = [getattr(route, "methods", None) for route in create_app(ServerSettings()).routes]
     assert [found for found in methods if found and "GET" in found] == [{"GET", "HEAD"}] * 6
 

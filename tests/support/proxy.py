@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import contextlib
 import re
 import ssl
@@ -20,12 +21,19 @@ HANG_S = 60.0
 
 @contextmanager
 def reverse_proxy(
-    target: str, prefix: str, *, keep: bool, host: str | None = None, tls: ssl.SSLContext | None = None
+    target: str,
+    prefix: str,
+    *,
+    keep: bool,
+    host: str | None = None,
+    user: str | None = None,
+    tls: ssl.SSLContext | None = None,
 ) -> Iterator[str]:
     """Yields the proxy's address (without `prefix`). It passes on what is asked for under `prefix`, WebSockets too.
 
     `keep`: the path in its requests is the client's; else `prefix` is stripped, and nothing tells of it. `host`: the
-    Host that it sends instead of the client's. `tls`: its certificate; `target` is spoken to without.
+    Host that it sends instead of the client's. `user`: the "name:password" that it asks for. `tls`: its certificate;
+    `target` is spoken to without.
     """
     there = urlsplit(target)
 
@@ -35,6 +43,11 @@ def reverse_proxy(
         if not re.match(rf"{re.escape(prefix)}([/?]|$)", path):
             writer.write(b"HTTP/1.1 404 Not Found\r\nContent-Length: 6\r\nConnection: close\r\n\r\nproxy\n")
             return
+        if user is not None:
+            expected = base64.b64encode(user.encode()).decode()
+            if f"authorization: basic {expected}\r\n".lower() not in rest.lower():
+                writer.write(b"HTTP/1.1 401 Unauthorized\r\nContent-Length: 4\r\nConnection: close\r\n\r\nwho?")
+                return
         if not keep:
             path = path.removeprefix(prefix)
             path = path if path.startswith("/") else f"/{path}"
