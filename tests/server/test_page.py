@@ -235,6 +235,24 @@ def test_it_works_under_a_path_of_a_proxy(
     assert problems == []
 
 
+CONNECTS = """address => new Promise(end => {
+    const socket = new WebSocket(address.replace("http", "ws") + "/viewer");
+    socket.onopen = () => end(true);
+    socket.onerror = () => end(false);
+})"""
+READS = "address => fetch(address + '/status').then(answer => answer.ok, () => false)"
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_a_page_of_another_origin_connects_and_reads_only_if_it_is_allowed(page: sync_api.Page, allowed: bool) -> None:
+    with running(Ramp) as other, running(Ramp, allowed_origins=other if allowed else "https://a.example") as url:
+        page.goto(f"{other}/page/style.css")
+        assert page.evaluate(CONNECTS, url) is allowed
+        assert page.evaluate(READS, url) is allowed
+        assert page.evaluate(CONNECTS, other)
+        assert page.evaluate(READS, other)
+
+
 def test_it_is_served_with_a_certificate(page: sync_api.Page, tmp_path: Path) -> None:
     files = make_certificates(tmp_path)
     given = {"ssl_certfile": str(files.certificate), "ssl_keyfile": str(files.key)}

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import asyncio
 import os
+import shlex
 import ssl
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 import pytest
 from farside.clients.connection import RefusedError, connect, persist
 from farside.clients.fetching import fetch
 from farside.clients.trust import trust_certificate, trust_file
+from farside.engine.io.tmiv import SequenceWriter
 from farside.server.protocol import ViewerHello
 from support.certificates import Certificates, make_certificates
 from support.doubles import HANG_S, FakeCore
 from support.proxy import reverse_proxy
+from support.rooms import camera_row, frame
 from support.serving import running
 from websockets.asyncio.client import connect as raw_connect
 from websockets.exceptions import InvalidStatus
@@ -108,6 +112,41 @@ def test_commands_take_an_authority(url: str, files: Certificates, way: str) -> 
     done = farside(environment, "export", url, "/tmp/never-written.glb", *given)
     assert done.returncode == 2
     assert "before the first frame" in done.stderr
+
+
+@pytest.mark.parametrize("proxied", [False, True])
+def test_a_rig_a_headset_and_an_export_in_one_secure_run(proxied: bool, files: Certificates, tmp_path: Path) -> None:
+    """Commands in a shell, with the link as it is printed; a rig's folder and a token that need care."""
+    rig, token, path = tmp_path / "my rig #1 50%", "a b&c'\"é", "/far side" if proxied else ""
+    cameras = camera_row(2, (24, 16))
+    with SequenceWriter(rig, "[b]rig", 30.0, cameras, ("v0", "v1")) as writer:
+        for index in range(4):
+            for view in frame(index, cameras).views:
+                writer.write(view.camera.name, view.texture, view.codes)
+    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    tls.load_cert_chain(files.certificate, files.key)
+    own = {} if proxied else {"ssl_certfile": str(files.certificate), "ssl_keyfile": str(files.key)}
+    with ExitStack() as stack:
+        address = stack.enter_context(running(FakeCore, token=token, **own))
+        if proxied:
+            address = stack.enter_context(reverse_proxy(address, quote(path), keep=False, tls=tls)) + path
+        link = f"{address}/?token={quote(token, safe='')}"
+        farside = f"{shlex.quote(sys.executable)} -m farside.clients.cli"
+        command = (
+            f"{farside} headset {shlex.quote(link)} --seconds 1 --size 32x24 > seen &\n"
+            f"{farside} replay {shlex.quote(str(rig))} {shlex.quote(link)} --every-frame > sent && "
+            f"{farside} export {shlex.quote(link)} room.ply && wait $! || {{ kill $!; exit 1; }}"
+        )
+        environment = os.environ | {"FARSIDE_CA_FILE": str(files.authority), "FARSIDE_TOKEN": "another"}
+        done = subprocess.run(
+            ["bash", "-c", command], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+        )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "sent").read_text() == (
+        "4 frames sent, 0 skipped to keep the rate; the server took 4 and dropped 0\n"
+    )
+    assert "stereo pictures for" in (tmp_path / "seen").read_text()
+    assert (tmp_path / "room.ply").read_bytes().startswith(b"ply")
 
 
 def test_a_command_without_the_authority_ends_with_2(url: str) -> None:
