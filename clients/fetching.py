@@ -8,7 +8,7 @@ import ssl
 import urllib.error
 import urllib.request
 from collections.abc import Callable
-from http.client import HTTPResponse
+from http.client import HTTPException, HTTPResponse
 from urllib.parse import unquote
 
 from .address import parse_address, without_secrets
@@ -46,16 +46,20 @@ def fetch(
         if isinstance(error.reason, ssl.SSLCertVerificationError):
             raise distrusted(url, error.reason) from error
         raise ConnectionError(f"no server at {without_secrets(url)}: {error.reason}") from error
+    except HTTPException as error:  # what answers speaks another protocol, or has stopped in the middle
+        said = f"{type(error).__name__}: {error}"
+        raise ConnectionError(f"no whole answer from {without_secrets(url)}: {said}") from error
 
 
 def _received(answer: HTTPResponse, progress: Callable[[int, int], None]) -> bytes:
-    """The body of an answer."""
-    size, data = int(answer.headers["Content-Length"]), bytearray()
-    progress(0, size)
+    """The body of an answer. A proxy may leave out its length: then the total is what has come."""
+    length, data = answer.headers["Content-Length"], bytearray()
+    size = None if length is None else int(length)
+    progress(0, size or 0)
     while piece := answer.read(_PIECE):
         data += piece
-        progress(len(data), size)
-    if len(data) != size:
+        progress(len(data), size or len(data))
+    if size not in (None, len(data)):
         raise ConnectionError(f"the server's answer: {len(data)} bytes: expected {size}")
     return bytes(data)
 
