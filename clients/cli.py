@@ -27,6 +27,7 @@ COMMANDS = {
     "replay": "Send a sequence to a live server, as a camera rig would.",
     "headset": "Send head poses to a live server and receive stereo pictures.",
     "export": "Write the background model as a mesh.",
+    "warm": "Compile the kernels now, on all cores, so that later starts take seconds.",
 }
 
 

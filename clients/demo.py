@@ -11,14 +11,15 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-import uvicorn
-from farside.engine.io.recording import open_recording
+from farside.engine.compiling.pool import Compiling
+from farside.engine.io.recording import Recording, open_recording
 from farside.server.app import make_server
+from farside.server.settings import ServerSettings
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from .ending import unfinished
+from .demo_twin import DemoTwin
 from .listening import addresses_of, listen
 from .replay import Playback, Replay
 from .serve import server_settings, stop_within, tell_variables
@@ -55,16 +56,12 @@ def command(
     settings = server_settings(port=port, quality=quality, target_fps=target_fps)
     stop_within(settings)
     with listen(settings) as listening:
-        folder = _twin(cache or _cache(), scale, frames, console)
-        sequence = open_recording(folder)
-        playback = Playback(sequence, sequence.source_names, rate, loop=True, token=settings.token)
-        replay = Replay(playback, tls=trust_certificate(settings.ssl_certfile) if settings.secure else None)
-        own_address = addresses_of(listening, settings)[0]
         address = " and ".join(addresses_of(listening, settings, settings.token))
         text = ("watch at ", (address, "bold"), " (Ctrl-C stops); move with the mouse and W A S D Q E")
         console.print(Text.assemble(*text), soft_wrap=True, highlight=False)  # an address stays in one piece
+        show = _Show(settings, listening, _twin(cache or _cache(), scale, frames), rate)
         with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(_play(make_server(settings), listening, own_address, replay, seconds))
+            asyncio.run(show.run(seconds, console))
         console.print("stopped")
 
 
@@ -72,25 +69,15 @@ def _cache() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "farside"
 
 
-def _twin(cache: Path, scale: float, frames: int, console: Console) -> Path:
-    """The folder of the museum twin, which is made on the first run; an interrupted run leaves no partial folder."""
+def _twin(cache: Path, scale: float, frames: int) -> Recording | DemoTwin:
+    """The museum twin: the one that is kept, or one that is still to be made."""
     folder = cache / f"museum-{scale:g}-{frames}"
     if folder.is_dir():
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         _tell_place(f"the twin is in {folder}, {size / 1e9:.2g} GB", folder)
-        return folder
-    partial = folder.with_name(f"{folder.name}.{os.getpid()}")
+        return open_recording(folder)
     _tell_place(f"the twin will take {_twin_bytes(scale, frames) / 1e9:.3g} GB in {folder}", folder)
-    with Progress(console=console) as bar:
-        task = bar.add_task("making a twin of Museum (the first time compiles the ray tracer)", total=None)
-        from farside.engine.synth import write_twin
-
-        with unfinished(partial):
-            write_twin(
-                "museum", partial, scale, frames, progress=lambda n, m: bar.update(task, completed=n, total=m)
-            )
-            partial.rename(folder)
-    return folder
+    return DemoTwin(folder, scale, frames)
 
 
 def _twin_bytes(scale: float, frames: int) -> int:
@@ -106,24 +93,55 @@ def _tell_place(what: str, folder: Path) -> None:
     print(f"{what}; to remove it: rm -r -- {shlex.quote(str(folder))}", flush=True)
 
 
-async def _play(
-    server: uvicorn.Server, listening: list[socket.socket], url: str, replay: Replay, seconds: float | None
-) -> None:
-    """Serve and replay for `seconds`, or until either ends; then stop the replay before the server."""
-    serving = asyncio.create_task(server.serve(sockets=listening))
-    playing = asyncio.create_task(_replay(server, replay, url))
-    try:
-        await asyncio.wait((serving, playing), timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
-        if playing.done():
-            playing.result()
-    finally:
-        playing.cancel()
-        await asyncio.gather(playing, return_exceptions=True)
-        server.should_exit = True
-        await serving
+class _Show:
+    """The server, and a replay to it as soon as there is a frame."""
 
+    def __init__(
+        self, settings: ServerSettings, listening: list[socket.socket], twin: Recording | DemoTwin, rate: float
+    ) -> None:
+        self._twin = twin if isinstance(twin, DemoTwin) else None  # one that is made meanwhile
+        self._compiling = Compiling(("synth", *settings.needed) if self._twin else settings.needed)
+        self._server = make_server(settings, compiling=self._compiling)
+        self._settings, self._listening = settings, listening
+        self._recording, self._rate = twin, rate
 
-async def _replay(server: uvicorn.Server, replay: Replay, url: str) -> None:
-    while not server.started:
-        await asyncio.sleep(0.02)
-    await replay.run(url)
+    async def run(self, seconds: float | None, console: Console) -> None:
+        """Serve and replay for `seconds`, or until either ends; then stop the replay before the server."""
+        serving = asyncio.create_task(self._server.serve(sockets=self._listening))
+        playing, showing = asyncio.create_task(self._replay()), asyncio.create_task(self._show_progress(console))
+        try:
+            await asyncio.wait((serving, playing), timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
+            if playing.done():
+                playing.result()
+        finally:
+            for task in (playing, showing):
+                task.cancel()
+            await asyncio.gather(playing, showing, return_exceptions=True)
+            self._server.should_exit = True
+            await serving
+            if self._twin:
+                self._twin.stop()
+
+    async def _replay(self) -> None:
+        while not self._server.started:
+            await asyncio.sleep(0.02)
+        if self._twin:
+            await asyncio.to_thread(self._compiling.wait, ("synth",))
+            self._twin.start()
+            await self._twin.first_frame()
+        settings, recording = self._settings, self._recording
+        playback = Playback(recording, recording.source_names, self._rate, loop=True, token=settings.token)
+        replay = Replay(playback, tls=trust_certificate(settings.ssl_certfile) if settings.secure else None)
+        await replay.run(addresses_of(self._listening, settings)[0])
+
+    async def _show_progress(self, console: Console) -> None:
+        """Kernels that are compiled and frames that are made, until all are."""
+        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+        with Progress(*columns, console=console, transient=True) as bar:
+            kernels = bar.add_task("compiling kernels", total=self._compiling.progress.total)
+            made = bar.add_task("making a twin of Museum", total=self._twin.total) if self._twin else None
+            while not bar.finished:
+                bar.update(kernels, completed=self._compiling.progress.done)
+                if self._twin and made is not None:
+                    bar.update(made, completed=self._twin.done)
+                await asyncio.sleep(0.25)

@@ -15,6 +15,7 @@ from rich.progress import Progress
 
 from .address import token_of
 from .fetching import fetch
+from .kernels import compile_shown
 from .replay import parse_sources
 from .trust import trust_file
 
@@ -54,7 +55,7 @@ def command(
     if "://" in where:
         data = _of_server(where, suffix, colours, token_of(where, token), ca_file)
     else:
-        data = _of_sequence(Path(where), suffix, colours, frames, sources, Settings.preset(quality))
+        data = _of_sequence(Path(where), suffix, colours, frames, sources, quality)
     mesh.write_bytes(data)
     print(f"{mesh}: {len(data)} bytes")
 
@@ -71,10 +72,12 @@ def _of_server(url: str, suffix: str, colours: str, token: str, ca_file: str) ->
 
 
 def _of_sequence(
-    path: Path, suffix: str, colours: str, frames: int | None, sources: str | None, settings: Settings
+    path: Path, suffix: str, colours: str, frames: int | None, sources: str | None, quality: str
 ) -> bytes:
+    settings = Settings.preset(quality)
     sequence = open_recording(path)
     names = parse_sources(sequence, sources)
+    compile_shown([quality])
     count = min(frames or sequence.frame_count, sequence.frame_count)
     with _progress() as bar:
         task = bar.add_task("loading the engine", total=count)

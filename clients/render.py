@@ -27,6 +27,8 @@ from farside.engine.settings import Settings
 from rich.console import Console
 from rich.progress import Progress
 
+from .kernels import compile_shown
+
 __all__ = ["command"]
 
 Tolerance = Annotated[
@@ -98,6 +100,7 @@ def command(
     targets, count = _targets(opened, camera or [], pose_trace, stereo, ipd, size, fov)
     start, stop = _frame_range(frames, count)
     job = RenderJob(opened, _sources(opened, sources), targets, start, stop, history)
+    compile_shown([quality])
     rows = _render(OfflineRenderer(job, settings), PictureWriter(out, png=png, masks=ppm_masks))
     result = summary(rows, settings)
     if report is not None:
@@ -110,7 +113,7 @@ def _render(renderer: OfflineRenderer, writer: PictureWriter) -> list[dict[str, 
     """Write the pictures of a job; returns the report's row of each frame."""
     rows, job = [], renderer.job
     with writer, Progress(console=Console(stderr=True)) as progress:
-        task = progress.add_task("rendering (the first run compiles kernels)", total=job.stop - job.start)
+        task = progress.add_task("rendering", total=job.stop - job.start)
         for index, pictures, row in renderer.frames():
             for name, picture in pictures.items():
                 writer.write(name, index, picture)

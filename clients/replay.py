@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 import numpy as np
 import typer
-from farside.engine.io.recording import Playhead, Recording, open_recording, playback_index
+from farside.engine.io.recording import Playhead, Recording, ToAndFro, open_recording
 from farside.engine.live.frame_memory import Planes, open_buffer
 from farside.engine.rig.camera import Camera
 from farside.engine.rig.frame import View
@@ -64,6 +64,7 @@ class Replay:
     number: int = 0  # of the next frame
     skipped: int = 0  # frames not sent, to keep the rate
     outcomes: Counter[str] = field(default_factory=Counter)
+    _order: ToAndFro = field(default_factory=ToAndFro)
     shared: bool = False  # whether frames go through the server's memory
 
     async def run(self, url: str) -> None:
@@ -101,7 +102,7 @@ class Replay:
             await _unless_failed(session.window.acquire(), settling)
 
     async def _send_frame(self, session: _Session, number: int, buffer: int | None) -> None:
-        index = playback_index(number, self.playback.recording.frame_count)
+        index = self._order.index(number, self.playback.recording.frame_count)
         frame = await asyncio.to_thread(session.playhead.frame, index)
         for view in frame.views:
             if session.buffers and buffer is not None:

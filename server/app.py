@@ -15,6 +15,7 @@ from types import FrameType
 from typing import Any
 
 import uvicorn
+from farside.engine.compiling.pool import Compiling
 from farside.engine.live.core import Core, Source, make_local_core
 from farside.engine.live.core_process import ProcessCore, kill_all
 from farside.engine.live.engine import Live
@@ -41,17 +42,25 @@ PAGE = Path(str(files("farside.server"))) / "page"
 READ = ["GET", "HEAD"]  # health checks ask by HEAD
 
 
-def create_app(settings: ServerSettings, make_core: Callable[[Source], Core] | None = None) -> FastAPI:
-    """The application; `make_core` replaces the maker of the engine's process, which is called for each new rig."""
+def create_app(
+    settings: ServerSettings, make_core: Callable[[Source], Core] | None = None, compiling: Compiling | None = None
+) -> FastAPI:
+    """The application; `make_core` replaces the maker of the engine's process, which is called for each new rig.
+
+    `compiling` replaces the kernels that are compiled at the start: those that the settings need.
+    """
+    if compiling is None and make_core is None:
+        compiling = Compiling(settings.needed)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        maker, workers = make_core or _engine_maker(settings), settings.render_workers
+        maker, workers = make_core or _engine_maker(settings, compiling), settings.render_workers
         patience = Patience(settings.longest_update_s)
         live = Live(maker, render_workers=workers, governor=settings.governor(), patience=patience)
         async with live, responsive(lambda: live.frames["updated"]):
-            app.state.service = Service(live, settings)
-            yield
+            app.state.service = Service(live, settings, compiling)
+            async with _going_on(compiling):
+                yield
 
     app = FastAPI(
         title="Farside", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None, redirect_slashes=False
@@ -72,8 +81,27 @@ def _add_middleware(app: FastAPI, settings: ServerSettings) -> None:
     app.add_middleware(OriginCheck, hosts=settings.names, origins=origins, token=bool(settings.token))
 
 
-def _engine_maker(settings: ServerSettings) -> Callable[[Source], Core]:
-    return lambda source: ProcessCore(make_local_core, source.cameras, settings.engine())
+def _engine_maker(settings: ServerSettings, compiling: Compiling | None) -> Callable[[Source], Core]:
+    def make(source: Source) -> Core:
+        """An engine, when the kernels for the first picture are there: two processes would compile them twice."""
+        if compiling is not None:
+            compiling.wait(settings.needed[:1])
+        return ProcessCore(make_local_core, source.cameras, settings.engine())
+
+    return make
+
+
+@asynccontextmanager
+async def _going_on(compiling: Compiling | None) -> AsyncIterator[None]:
+    """Kernels are compiled while the block runs."""
+    if compiling is None:
+        yield
+        return
+    await asyncio.to_thread(compiling.start)
+    try:
+        yield
+    finally:
+        await asyncio.to_thread(compiling.stop)
 
 
 def _add_http(app: FastAPI) -> None:
@@ -126,11 +154,11 @@ def _service(app: FastAPI) -> Service:
 
 
 def make_server(
-    settings: ServerSettings, make_core: Callable[[Source], Core] | None = None
+    settings: ServerSettings, make_core: Callable[[Source], Core] | None = None, compiling: Compiling | None = None
 ) -> uvicorn.Server:
-    """A server ready to run; `make_core` as in `create_app`."""
+    """A server ready to run; `make_core` and `compiling` as in `create_app`."""
     config = uvicorn.Config(
-        create_app(settings, make_core),
+        create_app(settings, make_core, compiling),
         host=settings.host,
         port=settings.port,
         log_level=settings.log_level,

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, TypeVar
 
+from farside.engine.compiling.pool import Compiling
 from farside.engine.live.engine import Live
 from farside.engine.live.governor import Rung
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
@@ -50,6 +51,7 @@ class Service:
 
     live: Live
     settings: ServerSettings
+    compiling: Compiling | None = None  # kernels on their way
     session: str = field(default_factory=lambda: secrets.token_hex(4))
     started: float = field(default_factory=time.monotonic)
     source: Inbox | None = None  # the source that has the place; after its end it stays here until another comes
@@ -109,8 +111,16 @@ class Service:
             "session": self.session,
             "uptime_s": time.monotonic() - self.started,
             "source_connected": self.source is not None and not self.source.ended,
+            "kernels": self._kernels(),
             **self.live.status(seconds),
         }
+
+    def _kernels(self) -> dict[str, int] | None:
+        """How many kernels are ready, of how many that the server's settings need; None: another program sees to it."""
+        if self.compiling is None:
+            return None
+        progress = self.compiling.progress
+        return {"ready": progress.done, "of": progress.total, "failed": progress.failed}
 
 
 async def send(socket: WebSocket, message: Message) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from urllib.parse import unquote
 
 from farside.engine.live.governor import Governor, make_ladder
-from farside.engine.settings import Settings
+from farside.engine.settings import QUALITIES, Settings
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, field_validator
 
 from .certificate import check_certificate
@@ -167,6 +167,12 @@ class ServerSettings(BaseModel):
         if self.target_fps is None:
             return None
         return Governor(make_ladder(self.quality, **self._given()), self.target_fps)
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Which compiled kernels are needed (`engine.compiling.needed`), those for the first picture first."""
+        lower = QUALITIES[: QUALITIES.index(self.quality)] if self.target_fps else ()
+        return self.quality, *reversed(lower)
 
     def _given(self) -> dict[str, object]:
         given = {

@@ -26,6 +26,8 @@ MEASURES = {
     "trade": Measure("Cost and benefit of every setting over sequences and twins, with a report.", named=False),
     "tolerances": Measure("Automatic tolerances next to smaller and larger ones, on twins.", named=False),
     "extremes": Measure("Errors against oracles at the extremes of every number; exit code 1 on failure.", named=False),
+    "compile": Measure("CPU time of compiling, by kernel, from nothing.", named=False),
+    "startup": Measure("From nothing to the demo's first picture in a browser.", named=False),
     "stages": Measure("Time and work of every stage, on a sequence or a twin."),
     "targets": Measure("Speed and loss of quality next to their targets, on a twin."),
     "scaling": Measure("Cost of a stereo pair by pixels of pictures and of views, on a twin."),

@@ -10,7 +10,7 @@ from ..rig.camera import Camera, Pose
 from ..rig.frame import Frame, Texture
 from .tmiv import open_sequence
 
-__all__ = ["Playhead", "Recording", "open_recording", "playback_index"]
+__all__ = ["Playhead", "Recording", "ToAndFro", "open_recording", "playback_index"]
 
 
 class Recording(Protocol):
@@ -96,6 +96,23 @@ def playback_index(index: int, count: int) -> int:
         raise ValueError(f"frame: {index!r} of {count!r}: expected a frame of at least one")
     turn = index % (2 * count)
     return turn if turn < count else 2 * count - 1 - turn
+
+
+class ToAndFro:
+    """Plays a recording to and fro, as `playback_index`, also while it grows: then it goes on where it is."""
+
+    def __init__(self) -> None:
+        self._number, self._index, self._step = 0, 0, 1
+
+    def index(self, number: int, count: int) -> int:
+        """The input frame for output frame `number`, which never falls, when there are `count` input frames."""
+        for _ in range((number - self._number) % (2 * count)):  # after 2 * count frames it is where it was
+            if 0 <= self._index + self._step < count:
+                self._index += self._step
+            else:
+                self._step = -self._step
+        self._number = number
+        return self._index
 
 
 def open_recording(path: Path | str) -> Recording:

@@ -27,7 +27,8 @@ class SequenceWriter:
     """Writes a sequence frame by frame, as a context manager; `open_sequence` reads it back.
 
     Source cameras are written to the folder, other cameras to its truth/. The JSON is written when the `with` block
-    ends without an error; it is called `json_name`.json, by default as the folder. ValueError is raised then if source
+    ends without an error, and also at its start if the `frame_count` to come is given: then the frames so far can be
+    read meanwhile. It is called `json_name`.json, by default as the folder. ValueError is raised at the end if source
     cameras differ in their number of frames, and at the start for a source name that no camera has.
     """
 
@@ -42,6 +43,7 @@ class SequenceWriter:
         depth_format: str = "yuv420p16le",
         texture_format: str = "yuv420p10le",
         json_name: str | None = None,
+        frame_count: int | None = None,
     ) -> None:
         self.folder = Path(folder)
         self.json_name = self.folder.resolve().name if json_name is None else json_name
@@ -55,6 +57,9 @@ class SequenceWriter:
         self._poses: dict[str, list[Pose]] = {}
         self._videos = RawWriter()
         self.folder.mkdir(parents=True, exist_ok=True)
+        if frame_count is not None:
+            self._description.frames_number = frame_count
+            self._describe()
 
     def write(
         self, camera_name: str, texture: Texture, codes: npt.NDArray[np.uint16], pose: Pose | None = None
@@ -105,5 +110,8 @@ class SequenceWriter:
             if any(pose != description.cameras[name].pose for pose in poses):
                 description.pose_files[name] = f"{name}_poses.csv"
                 write_poses(self.folder / f"{name}_poses.csv", poses)
+        self._describe()
+
+    def _describe(self) -> None:
         file = self.folder / f"{self.json_name}.json"
-        file.write_text(to_json(description) + "\n", "utf-8")
+        file.write_text(to_json(self._description) + "\n", "utf-8")

@@ -13,10 +13,17 @@ from .file_names import entries
 from .tmiv_json import read_json
 from .yuv import PIXEL_FORMATS
 
-__all__ = ["NewSequence"]
+__all__ = ["NewSequence", "hidden_folder"]
 
 _MARK = ".farside-unfinished"
 _VIDEO = re.compile(rf".+_(?:texture|depth)_\d+x\d+_{PIXEL_FORMATS}\.yuv")
+
+
+def hidden_folder(path: Path | str) -> Path:
+    """Where a sequence is while it is being written, if its folder did not exist before or does so now."""
+    whole = Path(path).resolve()
+    home = whole if whole.exists() else whole.parent
+    return home / f".{whole.name}{_MARK}"
 
 
 class NewSequence:
@@ -31,7 +38,7 @@ class NewSequence:
     def __init__(self, path: Path | str, *, overwrite: bool = False) -> None:
         self.path = Path(path).resolve()
         home = self.path if self.path.exists() else self.path.parent
-        self.folder = home / f".{self.path.name}{_MARK}"
+        self.folder = hidden_folder(self.path)
         self._old = _replaceable(self.path, self.folder, overwrite)
         self._made = [folder for folder in (home, *home.parents) if not folder.exists()]
         home.mkdir(parents=True, exist_ok=True)

@@ -6,7 +6,6 @@ import contextlib
 import functools
 import hashlib
 import os
-import platform
 import re
 import shutil
 import sys
@@ -23,7 +22,7 @@ _TOLD = "_FARSIDE_TOLD_THAT_NO_KERNELS_ARE_KEPT"
 _ENGINE = Path(__file__).resolve().parents[1]
 SHIPPED = _ENGINE / "kernels" / "compiled"
 """Kernels that came with the installation: a folder for each CPU level."""
-_VERSIONS = f"{version('numba')} {version('llvmlite')} {platform.python_version()}"
+_VERSIONS = f"{version('numba')} {version('llvmlite')} {'.'.join(map(str, sys.version_info[:2]))}"
 _IMPORT = re.compile(r"^from (\.+)([\w.]*) import", re.MULTILINE)
 
 

@@ -18,6 +18,7 @@ import numba
 from numba.np.ufunc import parallel
 
 from .cores import core_count
+from .cpu_level import chosen_cpu
 
 __all__ = ["give_way", "one_thread", "require_tbb", "set_thread_count", "thread_count"]
 
@@ -30,6 +31,8 @@ def _load_tbb() -> None:
 
 _load_tbb()
 numba.config.THREADING_LAYER = "tbb"
+if chosen_cpu() and "NUMBA_CPU_NAME" not in os.environ:
+    numba.config.CPU_NAME, numba.config.CPU_FEATURES = chosen_cpu(), ""
 if "NUMBA_NUM_THREADS" not in os.environ:
     numba.config.NUMBA_NUM_THREADS = core_count()  # Numba does not know of a container's quota
 

@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -156,7 +157,8 @@ def write_twin(
         raise ValueError(f"frames: {count!r}: expected at least 1")
     done, total = 0, count * (len(twin.source_names) + len(twin.rig.target_names))
     progress(done, total)
-    with SequenceWriter(folder, name, FPS, twin.cameras, twin.source_names, json_name=json_name) as writer:
+    named: dict[str, Any] = {"json_name": json_name, "frame_count": count}
+    with SequenceWriter(folder, name, FPS, twin.cameras, twin.source_names, **named) as writer:
         for index in range(count):
             for camera in (*twin.source_names, *twin.rig.target_names):
                 is_source = camera in twin.source_names

@@ -10,6 +10,7 @@ const MOST_PX = 1280 * 960; // of an eye: larger windows show enlarged pictures
 const RESIZED_MS = 300;
 const IN_FLIGHT = 2;
 const RETRY_MS = 1500;
+const PROGRESS_MS = 400;
 const element = (id) => document.getElementById(id);
 const canvas = element("picture");
 const head = new Head(canvas);
@@ -42,7 +43,7 @@ function connect() {
   };
   socket.onmessage = async (event) => {
     const message = decode(event.data);
-    if (message.type === "welcome") say("waiting for a source");
+    if (message.type === "welcome") tellProgress(socket);
     else if (message.type === "scene") arrive(message);
     else if (message.type === "stereo") await show(message);
     else if (message.type === "error") refusal = `${message.field}: ${message.value}: expected ${message.expected}`;
@@ -53,6 +54,18 @@ function connect() {
     say(`no connection: ${refusal || event.reason || "the server does not answer"}; trying again`);
     setTimeout(connect, RETRY_MS);
   };
+}
+
+// Until the first picture: what it waits for.
+async function tellProgress(socket) {
+  while (state.socket === socket && state.seen === 0) {
+    const status = await fetch(new URL("status", document.baseURI)).then((answer) => answer.json()).catch(() => null);
+    if (state.socket !== socket || state.seen > 0) return;
+    const { ready, of } = status?.kernels ?? { ready: 0, of: 0 };
+    if (ready < of) say(`compiling kernels: ${ready} of ${of}`);
+    else say(status?.source_connected ? "waiting for the first picture" : "waiting for a source");
+    await new Promise((resolve) => setTimeout(resolve, PROGRESS_MS));
+  }
 }
 
 // The server learns the size of pictures from the hello only.
@@ -104,7 +117,8 @@ function account(stereo) {
   const rate = (state.times.length - 1) / Math.max(1e-3, (now - state.times[0]) / 1000);
   const stages = Object.entries(stereo.stages).map(([name, ms]) => `${name} ${ms.toFixed(0)}`).join(" ");
   element("figures").textContent = `${state.scene.name}, frame ${stereo.frame}: ${rate.toFixed(1)} pictures a second, `
-    + `latency ${state.latency.toFixed(0)} ms (${stages}), holes ${(100 * stereo.holes).toFixed(1)} %`
+    // the first pictures were asked for long before the engine was there
+    + `latency ${state.seen > IN_FLIGHT ? state.latency.toFixed(0) : "-"} ms (${stages}), holes ${(100 * stereo.holes).toFixed(1)} %`
     + (stereo.rung ? `, ${stereo.rung}` : "");
   say("");
 }

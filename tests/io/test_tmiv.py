@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from farside.engine.io.pose_trace import read_pose_trace, read_poses, write_poses
-from farside.engine.io.recording import playback_index
+from farside.engine.io.recording import ToAndFro, playback_index
 from farside.engine.io.tmiv import SequenceWriter, TmivError, open_sequence
 from farside.engine.io.tmiv_check import check_sequence
 from farside.engine.io.tmiv_json import parse_json
@@ -161,6 +162,19 @@ def test_playback_goes_to_and_fro() -> None:
     assert playback_index(5, 1) == 0
     with pytest.raises(ValueError, match="frame"):
         playback_index(0, 0)
+
+
+def test_playing_to_and_fro_goes_on_where_it_is_while_the_recording_grows() -> None:
+    for count in (1, 2, 3, 7):
+        order = ToAndFro()
+        assert [order.index(i, count) for i in range(40)] == [playback_index(i, count) for i in range(40)]
+        skipping = ToAndFro()
+        some = range(0, 100, 7)
+        assert [skipping.index(i, count) for i in some] == [playback_index(i, count) for i in some]
+    order, counts = ToAndFro(), [1, 1, 2, 3, 3, 3, 4, 9, 9, 9, 9, 9, 9, 9]
+    indices = [order.index(i, count) for i, count in enumerate(counts)]
+    assert all(abs(b - a) <= 1 for a, b in itertools.pairwise(indices))
+    assert max(indices) > 3
 
 
 def test_default_sources_are_the_numbered_cameras(tmp_path: Path) -> None:

@@ -1,0 +1,134 @@
+"""The demo's twin, which is played while another process makes it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from farside.engine.io.recording import Recording, open_recording
+from farside.engine.io.whole_sequence import hidden_folder
+from farside.engine.rig.camera import Camera, Pose
+from farside.engine.rig.frame import Frame, Texture
+
+__all__ = ["DemoTwin"]
+
+_POLL_S = 0.1
+
+
+class DemoTwin:
+    """A recording that grows while it is made in a folder; an interrupted run leaves no folder.
+
+    `start`, then `first_frame`, then use it as a `Recording`; `stop` at the end.
+    """
+
+    def __init__(self, folder: Path, scale: float, total: int) -> None:
+        self.folder, self.total = folder, total
+        self._scale = scale
+        self._process: subprocess.Popen[bytes] | None = None
+        self._told = tempfile.TemporaryFile()  # noqa: SIM115 # its error output, open as long as the twin
+        self._open: Recording | None = None
+        self._place, self._opened = folder, 0.0  # of what is open: where, and when, s
+
+    def start(self) -> None:
+        """Start the process."""
+        command = [sys.executable, "-m", "farside.clients.cli", "synth", "museum", str(self.folder)]
+        options = ["--scale", str(self._scale), "--frames", str(self.total)]
+        self._process = subprocess.Popen([*command, *options], stdout=subprocess.DEVNULL, stderr=self._told)
+
+    async def first_frame(self) -> None:
+        """Wait until there is a frame; raises RuntimeError if the process has ended without one."""
+        while self.done == 0:
+            if self._process is not None and self._process.poll():
+                self._told.seek(0)
+                last = self._told.read().decode(errors="replace").strip().splitlines()[-1:]
+                raise RuntimeError(f"twin: {self.folder}: expected to be made: {' '.join(last)}")
+            await asyncio.sleep(_POLL_S)
+
+    def stop(self) -> None:
+        """End the process, if it still runs."""
+        if self._process is not None:
+            self._process.terminate()
+            self._process.wait()
+        self._told.close()
+
+    @property
+    def done(self) -> int:
+        """Frames that are there."""
+        try:
+            return self._recording.frame_count
+        except (ValueError, OSError):
+            self._open = None  # the files are looked for anew
+            return 0
+
+    @property
+    def _recording(self) -> Recording:
+        """The recording where it is now: it moves when it is complete. Raises ValueError if there is none yet."""
+        hidden, now = hidden_folder(self.folder), time.monotonic()
+        grown = self._place == hidden and now - self._opened > _POLL_S  # a recording knows the files that it has opened
+        if self._open is None or grown or not self._place.is_dir():
+            self._place = hidden if hidden.is_dir() else self.folder
+            self._open, self._opened = open_recording(self._place), now
+        return self._open
+
+    @property
+    def name(self) -> str:
+        """The name for people."""
+        return self._recording.name
+
+    @property
+    def fps(self) -> float:
+        """Frames per second."""
+        return self._recording.fps
+
+    @property
+    def frame_count(self) -> int:
+        """Frames that are there: at least one."""
+        return max(1, self.done)
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        """The reference cameras."""
+        return self._recording.source_names
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """All cameras."""
+        return self._recording.camera_names
+
+    @property
+    def truth_names(self) -> tuple[str, ...]:
+        """The virtual cameras with ground truth."""
+        return self._recording.truth_names
+
+    def camera(self, name: str, frame: int = 0) -> Camera:
+        """A camera."""
+        return self._recording.camera(name, frame)
+
+    def poses(self, name: str) -> list[Pose] | None:
+        """None: all cameras are fixed."""
+        return self._recording.poses(name)
+
+    def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
+        """The reference views of one instant."""
+        wanted = None if names is None else tuple(names)
+        with contextlib.suppress(ValueError, OSError):
+            return self._recording.frame(index, wanted)
+        self._open = None  # it has moved meanwhile
+        return self._recording.frame(index, wanted)
+
+    def frames(self, start: int = 0, stop: int | None = None, names: Iterable[str] | None = None) -> Iterator[Frame]:
+        """Frames in order, as far as they are there when the iterator reaches them."""
+        index, wanted = start, None if names is None else tuple(names)
+        while index < (self.frame_count if stop is None else stop):
+            yield self.frame(index, wanted)
+            index += 1
+
+    def texture(self, name: str, frame: int) -> Texture:
+        """A camera's picture."""
+        return self._recording.texture(name, frame)

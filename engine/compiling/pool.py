@@ -1,0 +1,177 @@
+"""Compiles kernels in as many processes as there are cores, in the order of their need, and tells how far it is."""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+from ..support.cores import core_count
+from ..support.cpu_level import chosen_cpu
+from ..support.kernel_folders import SHIPPED, base_folder, digest
+from .needed import NEEDED, needed_for, read
+
+__all__ = ["Compiling", "Progress"]
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How many of the kernels are there, of how many, and how many could not be compiled."""
+
+    done: int
+    total: int
+    failed: int = 0
+
+
+class Compiling:
+    """Kernels for some uses (`needed.USES`; the first comes first) on their way.
+
+    `changed` is called, from several threads, each time that a kernel is there. Use `start`, then `wait` or `stop`; or
+    `run`. Where notes in the folder of kernels say that all are there, nothing is started.
+    """
+
+    def __init__(
+        self, uses: Sequence[str], workers: int = 0, changed: Callable[[Progress], None] = lambda progress: None
+    ) -> None:
+        self._uses, self._numbers = tuple(uses), needed_for(uses)
+        self._left, self._done, self._failed = list(self._numbers), set[int](), 0
+        self._workers, self._changed = workers or core_count(), changed
+        self._condition, self._stopped = threading.Condition(), False
+        self._processes: list[subprocess.Popen[str]] = []
+        self._threads: list[threading.Thread] = []
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is."""
+        return Progress(len(self._done), len(self._numbers), self._failed)
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing is left to do, or it was stopped."""
+        return self._stopped or len(self._done) == len(self._numbers)
+
+    def run(self) -> None:
+        """Start, and wait for the end."""
+        self.start()
+        self.wait()
+
+    def start(self) -> None:
+        """Start the processes, unless a note says that nothing is missing."""
+        for use in self._uses:
+            if any(note.is_file() for note in _notes(use)):
+                self._done.update(needed_for([use]))
+        self._left = [number for number in self._numbers if number not in self._done]
+        count = min(self._workers, len(self._left))
+        self._threads = [threading.Thread(target=self._work, daemon=True) for _ in range(count)]
+        for thread in self._threads:
+            thread.start()
+
+    def wait(self, uses: Sequence[str] | None = None, timeout: float | None = None) -> bool:
+        """Wait until all kernels, or those for some of the uses, are there, or it was stopped; False: time is up."""
+        wanted = set(self._numbers if uses is None else needed_for(uses)) & set(self._numbers)
+        with self._condition:
+            return self._condition.wait_for(lambda: self._stopped or wanted <= self._done, timeout)
+
+    def stop(self) -> None:
+        """End the processes at once."""
+        with self._condition:
+            self._stopped = True
+            self._condition.notify_all()
+            for process in self._processes:
+                process.kill()
+        for thread in self._threads:
+            thread.join()
+
+    def _work(self) -> None:
+        """A thread with a process of its own."""
+        process = self._start_process()
+        while process is not None and (number := self._next()) is not None:
+            kernel = read()[number]
+            line = json.dumps({"module": kernel.module, "name": kernel.name, "types": kernel.types})
+            answer = _ask(process, line)
+            self._take(number, answer)
+            if not answer:  # the process has ended, on this kernel
+                process = self._start_process()
+        if process is not None:
+            process.kill()
+            process.wait()
+
+    def _start_process(self) -> subprocess.Popen[str] | None:
+        with self._condition:
+            if self._stopped:
+                return None
+            command = [sys.executable, "-m", f"{__package__}.worker"]
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            self._processes.append(process)
+            return process
+
+    def _next(self) -> int | None:
+        """The first kernel whose callees are there; waits for one, and returns None if none is left."""
+        with self._condition:
+            while self._left and not self._stopped:
+                for number in self._left:
+                    if self._done.issuperset(set(read()[number].after) & set(self._numbers)):
+                        self._left.remove(number)
+                        return number
+                self._condition.wait()
+            return None
+
+    def _take(self, number: int, answer: str) -> None:
+        with self._condition:
+            if self._stopped:
+                return
+            self._failed += answer not in ("compiled", "known")
+            self._done.add(number)
+            for use in self._uses if not self._failed else ():
+                if self._done.issuperset(needed_for([use])):
+                    _leave_note(use)
+            self._condition.notify_all()
+        self._changed(self.progress)
+
+
+def _ask(process: subprocess.Popen[str], line: str) -> str:
+    """The process's answer; nothing if it has ended."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    with suppress(OSError):
+        process.stdin.write(f"{line}\n")
+        process.stdin.flush()
+        return process.stdout.readline().strip()
+    return ""
+
+
+def _notes(use: str) -> list[Path]:
+    """Files of which one says that all kernels for a use are there: the user's, and one of the installation."""
+    base, name, cpu = base_folder(), f"all-for-{use}-{_state()}", chosen_cpu()
+    return [*([base / name] if base else []), *([SHIPPED / cpu / name] if cpu else [])]
+
+
+def _leave_note(use: str) -> None:
+    if (base := base_folder()) is not None:
+        with suppress(OSError):
+            (base / f"all-for-{use}-{_state()}").touch()
+
+
+@cache
+def _state() -> str:
+    """What all kernels depend on, in 16 characters: their files, the list, the compiler, the CPU."""
+    found = sha256(NEEDED.read_bytes() + (chosen_cpu() or _this_cpu()).encode())
+    for path in sorted((Path(__file__).parents[1] / "kernels").rglob("*.py")):
+        found.update(digest(path).encode())
+    return found.hexdigest()[:16]
+
+
+def _this_cpu() -> str:
+    """The CPU's model and abilities, as far as the system tells."""
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
+        return "\n".join(line for line in lines if line.startswith(("model name", "flags")))
+    return platform.processor()

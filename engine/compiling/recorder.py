@@ -1,0 +1,118 @@
+"""Records what is compiled for a use: `python -m farside.engine.compiling.recorder USE FOLDER OUT.json`.
+
+For "synth" the twins are made in the folder; for a quality, a live engine and the renderer of files take them from
+there. A process of its own, with an empty folder for kernels, compiles all that is needed, and nothing else.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+__all__ = ["Compiled", "recorded"]
+
+_SCALE, _FRAMES = 0.125, 3
+_KERNELS = f"{__package__.removesuffix('.compiling')}.kernels."
+_TWINS = ("museum", "painter")  # spherical and perspective cameras
+
+
+@dataclass(slots=True)
+class Compiled:
+    """A kernel that was compiled: where it is, its types, its own CPU seconds and those with what it needed."""
+
+    module: str
+    name: str
+    types: str
+    own_s: float
+    whole_s: float
+
+
+@contextmanager
+def recorded() -> Iterator[list[Compiled]]:
+    """Kernels that are compiled while the block runs, those that are called before those that call them."""
+    from numba.core import event
+
+    from .signatures import to_text
+
+    found: list[Compiled] = []
+    open_: list[list[float]] = []
+
+    class Listener(event.Listener):  # type: ignore[misc] # numba is untyped
+        def on_start(self, event: Any) -> None:
+            open_.append([time.thread_time(), 0.0])
+
+        def on_end(self, event: Any) -> None:
+            started, inner = open_.pop()
+            whole = time.thread_time() - started
+            function = event.data["dispatcher"].py_func
+            ours = function.__module__.startswith(_KERNELS)
+            if open_:
+                open_[-1][1] += whole if ours else inner  # what Numba compiles of its own counts for our kernel
+            if ours:
+                found.append(
+                    Compiled(
+                        function.__module__.removeprefix(_KERNELS), function.__name__, to_text(event.data["args"]),
+                        whole - inner, whole,
+                    )
+                )  # fmt: skip
+
+    with event.install_listener("numba:compile", Listener()):
+        yield found
+
+
+def _rehearse(use: str, folder: Path) -> None:
+    """Do what needs all kernels of a use."""
+    if use == "synth":
+        from ..synth import write_twin
+
+        for name in _TWINS:
+            write_twin(name, folder / name, _SCALE, _FRAMES)
+        return
+    from ..io.recording import open_recording
+
+    for name in _TWINS:
+        _play(open_recording(folder / name), use)
+
+
+def _play(recording: Any, quality: str) -> None:
+    """A live engine, then the renderer of files, on a recording."""
+    from ..pipeline.engine import Engine
+    from ..rig.viewer import StereoView, home_pose
+    from ..settings import Settings
+
+    cameras = [recording.camera(name) for name in recording.source_names]
+    engine = Engine(cameras, Settings.preset(quality), f_vin=recording.fps)
+    head = StereoView.symmetric(home_pose(cameras), 128, 144, math.radians(90))
+    for index in range(_FRAMES):
+        engine.update(recording.frame(index, recording.source_names), {"head": head})
+        engine.render_encoded(head, "head", "jpeg")
+    for colours in ("texture", "vertex"):
+        engine.export("glb", colours)
+    for name in recording.truth_names[:2]:
+        engine.render_camera(recording.camera(name), "head")
+
+
+def main() -> None:
+    """Write what was compiled, in order, and modules that compile when they are imported."""
+    use, folder, out = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
+    with recorded() as found:
+        _rehearse(use, folder)
+    from numba.core.ccallback import CFunc
+
+    modules = [
+        name.removeprefix(_KERNELS)
+        for name, module in sys.modules.items()
+        if name.startswith(_KERNELS) and any(isinstance(each, CFunc) for each in vars(module).values())
+    ]
+    out.write_text(json.dumps({"kernels": [asdict(each) for each in found], "modules": modules}), "utf-8")
+
+
+if __name__ == "__main__":
+    main()

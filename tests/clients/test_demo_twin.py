@@ -1,0 +1,70 @@
+"""The demo's twin is played while it is made, and is whole or not there."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from farside.clients.demo_twin import DemoTwin
+from farside.engine.io.recording import open_recording
+from farside.engine.io.whole_sequence import hidden_folder
+
+SCALE, FRAMES = 0.04, 100
+
+
+async def _until_whole(twin: DemoTwin) -> list[int]:
+    """The numbers of frames that were there, one after the other."""
+    seen = [twin.done]
+    while twin.done < FRAMES or hidden_folder(twin.folder).is_dir():
+        if twin.done != seen[-1]:
+            seen.append(twin.done)
+        await asyncio.sleep(0.001)
+    return seen
+
+
+def test_frames_can_be_read_while_others_are_made(tmp_path: Path) -> None:
+    twin = DemoTwin(tmp_path / "museum", SCALE, FRAMES)
+
+    async def play() -> list[int]:
+        twin.start()
+        await twin.first_frame()
+        early = twin.frame(0)
+        seen = await _until_whole(twin)
+        whole = open_recording(twin.folder)
+        for view, same in zip(early.views, whole.frame(0).views, strict=True):
+            assert (view.texture.y == same.texture.y).all()
+            assert (view.codes == same.codes).all()
+        last = twin.frame(FRAMES - 1, twin.source_names[:2])  # it reads on from the folder's new place
+        assert (last.views[1].codes == whole.frame(FRAMES - 1).views[1].codes).all()
+        assert len(list(twin.frames(0, None, twin.source_names[:1]))) == FRAMES
+        return seen
+
+    try:
+        seen = asyncio.run(play())
+    finally:
+        twin.stop()
+    assert seen == sorted(seen)
+    assert len(seen) > 2
+    assert not hidden_folder(twin.folder).exists()
+    assert (twin.folder / "museum.json").is_file()
+
+
+def test_one_that_is_stopped_leaves_nothing(tmp_path: Path) -> None:
+    twin = DemoTwin(tmp_path / "museum", SCALE, 10_000)
+    twin.start()
+    asyncio.run(twin.first_frame())
+    twin.stop()
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_keeps_it_from_being_made_is_told(tmp_path: Path) -> None:
+    folder = tmp_path / "museum"
+    folder.write_text("a file")
+    twin = DemoTwin(folder, SCALE, FRAMES)
+    twin.start()
+    try:
+        with pytest.raises(RuntimeError, match=r"twin: .*museum: expected to be made: .*a file"):
+            asyncio.run(twin.first_frame())
+    finally:
+        twin.stop()
