@@ -81,11 +81,11 @@ def _twin(cache: Path, scale: float, frames: int) -> Recording | DemoTwin:
 
 
 def _twin_bytes(scale: float, frames: int) -> int:
-    """Bytes of a museum twin, virtual cameras included: texture and depth, both 4:2:0 with two bytes a sample."""
+    """Bytes of a museum twin: texture and depth, both 4:2:0 with two bytes a sample."""
     from farside.engine.synth import make_twin
 
     rig = make_twin("museum", scale).rig
-    cameras = map(rig.camera, (*rig.source_names, *rig.target_names))
+    cameras = map(rig.camera, rig.source_names)
     return frames * sum(6 * camera.width * camera.height for camera in cameras)
 
 
@@ -104,6 +104,7 @@ class _Show:
         self._server = make_server(settings, compiling=self._compiling)
         self._settings, self._listening = settings, listening
         self._recording, self._rate = twin, rate
+        self._waiting: asyncio.Task[None] | None = None  # a twin waits for kernels
 
     async def run(self, seconds: float | None, console: Console) -> None:
         """Serve and replay for `seconds`, or until either ends; then stop the replay before the server."""
@@ -129,10 +130,17 @@ class _Show:
             await asyncio.to_thread(self._compiling.wait, ("synth",))
             self._twin.start()
             await self._twin.first_frame()
+            self._waiting = asyncio.create_task(self._go_on(self._twin))
         settings, recording = self._settings, self._recording
         playback = Playback(recording, recording.source_names, self._rate, loop=True, token=settings.token)
         replay = Replay(playback, tls=trust_certificate(settings.ssl_certfile) if settings.secure else None)
         await replay.run(addresses_of(self._listening, settings)[0])
+
+    async def _go_on(self, twin: DemoTwin) -> None:
+        """Let the twin wait until the kernels for the first picture are there."""
+        twin.pause()
+        await asyncio.to_thread(self._compiling.wait, self._settings.needed[:1])
+        twin.go_on()
 
     async def _show_progress(self, console: Console) -> None:
         """Kernels that are compiled and frames that are made, until all are."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -11,14 +13,22 @@ import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from farside.engine.io.recording import Recording, open_recording
+from farside.engine.io.recording import Recording
+from farside.engine.io.tmiv import open_sequence
 from farside.engine.io.whole_sequence import hidden_folder
 from farside.engine.rig.camera import Camera, Pose
 from farside.engine.rig.frame import Frame, Texture
 
 __all__ = ["DemoTwin"]
 
-_POLL_S = 0.1
+_POLL_S, _NICENESS = 0.1, 5
+
+
+def _give_way(process: int) -> None:
+    """Put a process, with all its threads, behind others: the rest of the twin can wait for kernels and pictures."""
+    with contextlib.suppress(OSError):
+        for thread in Path(f"/proc/{process}/task").iterdir():
+            os.setpriority(os.PRIO_PROCESS, int(thread.name), _NICENESS)
 
 
 class DemoTwin:
@@ -38,7 +48,7 @@ class DemoTwin:
     def start(self) -> None:
         """Start the process."""
         command = [sys.executable, "-m", "farside.clients.cli", "synth", "museum", str(self.folder)]
-        options = ["--scale", str(self._scale), "--frames", str(self.total)]
+        options = ["--scale", str(self._scale), "--frames", str(self.total), "--no-truth"]
         self._process = subprocess.Popen([*command, *options], stdout=subprocess.DEVNULL, stderr=self._told)
 
     async def first_frame(self) -> None:
@@ -49,10 +59,23 @@ class DemoTwin:
                 last = self._told.read().decode(errors="replace").strip().splitlines()[-1:]
                 raise RuntimeError(f"twin: {self.folder}: expected to be made: {' '.join(last)}")
             await asyncio.sleep(_POLL_S)
+        if self._process is not None:
+            _give_way(self._process.pid)
+
+    def pause(self) -> None:
+        """Let the process stand still until `go_on`."""
+        if self._process is not None:
+            self._process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """End a pause."""
+        if self._process is not None:
+            self._process.send_signal(signal.SIGCONT)
 
     def stop(self) -> None:
         """End the process, if it still runs."""
         if self._process is not None:
+            self.go_on()
             self._process.terminate()
             self._process.wait()
         self._told.close()
@@ -73,7 +96,7 @@ class DemoTwin:
         grown = self._place == hidden and now - self._opened > _POLL_S  # a recording knows the files that it has opened
         if self._open is None or grown or not self._place.is_dir():
             self._place = hidden if hidden.is_dir() else self.folder
-            self._open, self._opened = open_recording(self._place), now
+            self._open, self._opened = open_sequence(self._place, growing=True), now
         return self._open
 
     @property

@@ -34,6 +34,9 @@ def command(
             help="Strength of simulated depth-estimation errors (default 1 for painter and frog, 0 for the others)"
         ),
     ] = None,
+    truth: Annotated[
+        bool, typer.Option("--truth/--no-truth", help="With virtual cameras and their ground truth")
+    ] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the sequence that OUT holds")] = False,
 ) -> None:
     """Make a twin of one of the known sequences, with ground truth in OUT/truth."""
@@ -43,13 +46,13 @@ def command(
         hint = "" if overwrite else " (--overwrite replaces a sequence)"
         raise ValueError(f"{error}{hint}") from error
     with new, unfinished(new.folder):
-        sources, targets = _write(new, name, scale, frames, seed, depth_noise)
+        sources, targets = _write(new, name, scale, frames, seed, depth_noise, truth)
         new.finish()
     print(f"{out}: {sources} source views, {targets} virtual cameras with ground truth")
 
 
 def _write(
-    new: NewSequence, name: str, scale: float, frames: int | None, seed: int, depth_noise: float | None
+    new: NewSequence, name: str, scale: float, frames: int | None, seed: int, depth_noise: float | None, truth: bool
 ) -> tuple[int, int]:
     """Write a twin; returns the numbers of its source views and of its virtual cameras."""
     console = Console(stderr=True)
@@ -77,5 +80,6 @@ def _write(
             depth_noise,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
             json_name=new.path.name,
+            truth=truth,
         )
-    return len(twin.source_names), len(twin.rig.target_names)
+    return len(twin.source_names), len(twin.rig.target_names) if truth else 0

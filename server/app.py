@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import os
 import signal
 import socket
+import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.resources import files
@@ -16,7 +18,7 @@ from typing import Any
 
 import uvicorn
 from farside.engine.compiling.pool import Compiling
-from farside.engine.live.core import Core, Source, make_local_core
+from farside.engine.live.core import Core, CoreLostError, Source, make_local_core
 from farside.engine.live.core_process import ProcessCore, kill_all
 from farside.engine.live.engine import Live
 from farside.engine.live.interpreter import responsive
@@ -83,10 +85,24 @@ def _add_middleware(app: FastAPI, settings: ServerSettings) -> None:
 
 def _engine_maker(settings: ServerSettings, compiling: Compiling | None) -> Callable[[Source], Core]:
     def make(source: Source) -> Core:
-        """An engine, when the kernels for the first picture are there: two processes would compile them twice."""
-        if compiling is not None:
-            compiling.wait(settings.needed[:1])
-        return ProcessCore(make_local_core, source.cameras, settings.engine())
+        """An engine, when the kernels for the first picture are there: two processes would compile them twice.
+
+        The background model waits for the rest of them.
+        """
+        if compiling is None:
+            return ProcessCore(make_local_core, source.cameras, settings.engine())
+        compiling.wait(settings.needed[:1])
+        whole = compiling.wait(settings.needed[:2], timeout=0.0)
+        core = ProcessCore(make_local_core, source.cameras, settings.engine(), whole)
+        if not whole:
+            threading.Thread(target=begin_model, args=(core,), daemon=True).start()
+        return core
+
+    def begin_model(core: Core) -> None:
+        assert compiling is not None
+        compiling.wait(settings.needed[:2])
+        with contextlib.suppress(CoreLostError):
+            core.begin_model()
 
     return make
 

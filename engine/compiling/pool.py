@@ -99,10 +99,10 @@ class Compiling:
             answer = _ask(process, line)
             self._take(number, answer)
             if not answer:  # the process has ended, on this kernel
+                _end(process)
                 process = self._start_process()
         if process is not None:
-            process.kill()
-            process.wait()
+            _end(process)
 
     def _start_process(self) -> subprocess.Popen[str] | None:
         with self._condition:
@@ -135,6 +135,16 @@ class Compiling:
                     _leave_note(use)
             self._condition.notify_all()
         self._changed(self.progress)
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """End a process and close its pipes."""
+    process.kill()
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        with suppress(OSError):  # what is still to be written to a process that has ended
+            if pipe is not None:
+                pipe.close()
 
 
 def _ask(process: subprocess.Popen[str], line: str) -> str:

@@ -10,7 +10,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -77,19 +77,39 @@ def _rehearse(use: str, folder: Path) -> None:
         return
     from ..io.recording import open_recording
 
+    if use == "picture":
+        _show_one(open_recording(folder / _TWINS[0]))
+        return
     for name in _TWINS:
         _play(open_recording(folder / name), use)
+
+
+def _show_one(recording: Any) -> None:
+    """A live engine's first pictures, before there is a model."""
+    from ..pipeline.engine import Engine
+    from ..settings import Settings
+
+    cameras = [recording.camera(name) for name in recording.source_names]
+    engine = Engine(cameras, Settings.preset("balanced"), f_vin=recording.fps, modelling=False)
+    for index in range(2):
+        engine.update(recording.frame(index, recording.source_names), {"head": _head(cameras)})
+        engine.render_encoded(_head(cameras), "head", "jpeg")
+
+
+def _head(cameras: Sequence[Any]) -> Any:
+    from ..rig.viewer import StereoView, home_pose
+
+    return StereoView.symmetric(home_pose(cameras), 128, 144, math.radians(90))
 
 
 def _play(recording: Any, quality: str) -> None:
     """A live engine, then the renderer of files, on a recording."""
     from ..pipeline.engine import Engine
-    from ..rig.viewer import StereoView, home_pose
     from ..settings import Settings
 
     cameras = [recording.camera(name) for name in recording.source_names]
     engine = Engine(cameras, Settings.preset(quality), f_vin=recording.fps)
-    head = StereoView.symmetric(home_pose(cameras), 128, 144, math.radians(90))
+    head = _head(cameras)
     for index in range(_FRAMES):
         engine.update(recording.frame(index, recording.source_names), {"head": head})
         engine.render_encoded(head, "head", "jpeg")

@@ -181,11 +181,11 @@ def _poses(folder: Path, name: str, file: str) -> list[Pose]:
         raise TmivError(f"camera {name}: Poses: {error}") from error
 
 
-def open_sequence(path: Path | str) -> Sequence:
+def open_sequence(path: Path | str, *, growing: bool = False) -> Sequence:
     """Open a folder (or its JSON); raises TmivError with the first problem of the JSON.
 
-    Frames that are left out because a file is short are logged as a warning. Files that are missing or empty are
-    noticed when they are read; `tmiv_check` finds all problems at once.
+    Frames that are left out because a file is short are logged as a warning, unless the files are `growing`. Files that
+    are missing or empty are noticed when they are read; `tmiv_check` finds all problems at once.
     """
     file = find_json(Path(path))
     description, problems = read_json(file)
@@ -194,6 +194,6 @@ def open_sequence(path: Path | str) -> Sequence:
         raise TmivError(f"{problems[0]}{more}")
     sequence = Sequence(file.parent, description)
     with contextlib.suppress(TmivError):
-        if left_out := sequence.left_out():
+        if not growing and (left_out := sequence.left_out()):
             _log.warning("%s: %s", file.parent, left_out)
     return sequence

@@ -63,6 +63,9 @@ class Core(Protocol):
     def retune(self, settings: Settings) -> None:
         """Use other settings from the next picture on; returns at once."""
 
+    def begin_model(self) -> None:
+        """Build the background model from the next frame on, if that has not begun."""
+
     def mesh(self, file_format: str, colours: str | None = None) -> bytes:
         """The background model as a file: glb or ply, colours in a texture or at the vertices (`io.mesh_files`).
 
@@ -100,6 +103,10 @@ class LocalCore:
         """Set the settings of the next picture."""
         self._engine.retune(settings)
 
+    def begin_model(self) -> None:
+        """Build the background model from the next frame on."""
+        self._engine.begin_model()
+
     def mesh(self, file_format: str, colours: str | None = None) -> bytes:
         """The background model as a file (`Engine.export`)."""
         return self._engine.export(file_format, colours)
@@ -109,8 +116,11 @@ class LocalCore:
         self._engine.close()
 
 
-def make_local_core(cameras: Sequence[Camera], settings: Settings) -> LocalCore:
-    """A core with an engine for a rig. Loads the engine and its compiler, so only processes that render call this."""
+def make_local_core(cameras: Sequence[Camera], settings: Settings, modelling: bool = True) -> LocalCore:
+    """A core with an engine for a rig; `modelling` False: without a model until `begin_model`.
+
+    Loads the engine and its compiler, so only processes that render call this.
+    """
     from ..pipeline.engine import Engine
 
-    return LocalCore(Engine(cameras, settings))
+    return LocalCore(Engine(cameras, settings, modelling=modelling))

@@ -99,6 +99,10 @@ class ProcessCore:
         except OSError as error:
             raise self._lost() from error
 
+    def begin_model(self) -> None:
+        """Build the background model from the next frame on."""
+        self._ask(call, "begin_model")
+
     def mesh(self, file_format: str, colours: str | None = None) -> bytes:
         """The background model as a file, made in that process."""
         data: bytes = self._ask(call, "mesh", file_format, colours)

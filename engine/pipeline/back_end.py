@@ -48,11 +48,12 @@ class BackEndReport:
 class BackEnd:
     """Keeps the state between frames: the scene's scale, the background model, the views' tones. For one thread.
 
-    f_vin: video frames per second.
+    f_vin: video frames per second. While `modelling` is False, neither the background nor the exposure of the views is
+    followed, whatever the settings say.
     """
 
-    def __init__(self, cameras: Sequence[Camera], renderer: Renderer, f_vin: float) -> None:
-        self.f_vin = f_vin
+    def __init__(self, cameras: Sequence[Camera], renderer: Renderer, f_vin: float, modelling: bool = True) -> None:
+        self.f_vin, self.modelling = f_vin, modelling
         self.model: BackgroundModel | None = None
         self._cameras, self._renderer = tuple(cameras), renderer
         self._scene: Scene | None = None
@@ -75,10 +76,11 @@ class BackEnd:
         scene = self._scene
         views = self._reference_views(frame, scene, settings)
         content = FrameContent(scene, views, ViewTable(views), {}, None)
+        followed = settings if self.modelling else dataclasses.replace(settings, exposure_s=0.0, background=False)
         with timed(stages, "exposure"):
-            tones = self._follow_exposure(frame, content.present, scene, settings)
+            tones = self._follow_exposure(frame, content.present, scene, followed)
         with timed(stages, "background"):
-            report = self._update_model(frame, tones, scene, settings)
+            report = self._update_model(frame, tones, scene, followed)
         with timed(stages, "pbi"):
             pbis, rays = self._make_pbis(look(), speeds, content, settings)
             delta = None if self.model is None else self.model.tolerances.delta

@@ -28,12 +28,13 @@ class Engine:
 
     `update` is called by one back-end thread; rendering methods may run in other threads at the same time and always
     show the newest finished frame (double buffering, `pipeline.front_buffer`). f_vin: video frames per second.
-    `renderer` draws the pictures; None: on the CPU. Raises ValueError for no cameras, or one of less than 4 x 4 pixels.
+    `renderer` draws the pictures; None: on the CPU. `modelling` False: pictures show the present views only, until
+    `begin_model`. Raises ValueError for no cameras, or one of less than 4 x 4 pixels.
     """
 
     def __init__(
         self, cameras: Sequence[Camera], settings: Settings | None = None, *, f_vin: float = 30.0,
-        renderer: Renderer | None = None,
+        renderer: Renderer | None = None, modelling: bool = True,
     ) -> None:  # fmt: skip
         self.cameras = tuple(cameras)
         if not self.cameras:
@@ -43,7 +44,7 @@ class Engine:
                 size = f"{camera.width} x {camera.height}"
                 raise ValueError(f"camera {camera.name}: {size} pixels: expected at least 4 x 4")
         self._renderer = renderer or CpuRenderer()
-        self._back_end = BackEnd(self.cameras, self._renderer, f_vin)
+        self._back_end = BackEnd(self.cameras, self._renderer, f_vin, modelling)
         self._buffers = DoubleBuffer(settings or Settings())
 
     @property
@@ -89,6 +90,10 @@ class Engine:
         before, the next picture has to triangulate them; from the next frame on the back end does it.
         """
         self._buffers.retune(settings)
+
+    def begin_model(self) -> None:
+        """Follow the background and the exposure of views from the next frame on; any thread may call this."""
+        self._back_end.modelling = True
 
     def update(
         self, frame: Frame, viewers: Mapping[str, Viewer] | Look | None = None,

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
-__all__ = ["SHIPPED", "base_folder", "digest", "tell_once"]
+__all__ = ["SHIPPED", "base_folder", "bases", "digest", "tell_once"]
 
 _KEPT_S = 30 * 24 * 3600.0  # a folder that no run has used for this long is removed
 _TOLD = "_FARSIDE_TOLD_THAT_NO_KERNELS_ARE_KEPT"
@@ -61,7 +61,7 @@ def base_folder() -> Path | None:
     $NUMBA_CACHE_DIR, if that is set and writable, otherwise `farside/kernels` in the user's cache folder:
     $XDG_CACHE_HOME, or .cache in the home folder.
     """
-    for base in _bases():
+    for base in bases():
         with contextlib.suppress(OSError):
             base.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=base).close()
@@ -73,7 +73,8 @@ def base_folder() -> Path | None:
     return None
 
 
-def _bases() -> Iterator[Path]:
+def bases() -> Iterator[Path]:
+    """Folders below which kernels may be: those that can be written into, and others that can only be read."""
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
         yield Path(chosen)
     with contextlib.suppress(RuntimeError):  # there is no home

@@ -144,8 +144,11 @@ def write_twin(
     progress: Callable[[int, int], None] = lambda done, total: None,
     *,
     json_name: str | None = None,
+    truth: bool = True,
 ) -> None:
     """Write a twin to a TMIV folder; the ground truth of its virtual cameras goes to the subfolder truth/.
+
+    Without `truth` there are no virtual cameras.
 
     `frames` is the number of frames, by default that of the original. `progress` is called with the number of
     pictures done and the total. The JSON is called `json_name`.json, by default as the folder. Raises ValueError as
@@ -155,12 +158,13 @@ def write_twin(
     count = twin.rig.frame_count if frames is None else frames
     if count < 1:
         raise ValueError(f"frames: {count!r}: expected at least 1")
-    done, total = 0, count * (len(twin.source_names) + len(twin.rig.target_names))
+    names = (*twin.source_names, *(twin.rig.target_names if truth else ()))
+    done, total = 0, count * len(names)
     progress(done, total)
     named: dict[str, Any] = {"json_name": json_name, "frame_count": count}
-    with SequenceWriter(folder, name, FPS, twin.cameras, twin.source_names, **named) as writer:
+    with SequenceWriter(folder, name, FPS, map(twin.camera, names), twin.source_names, **named) as writer:
         for index in range(count):
-            for camera in (*twin.source_names, *twin.rig.target_names):
+            for camera in names:
                 is_source = camera in twin.source_names
                 view = twin.view(camera, index) if is_source else twin.truth(twin.camera(camera), index)
                 writer.write(camera, view.texture, view.codes, view.camera.pose)

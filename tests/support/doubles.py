@@ -111,6 +111,9 @@ class FakeCore:
         luma = 64 + 8 * self.updates[-1]
         return flat(view.left.width, view.left.height, luma), flat(view.right.width, view.right.height, luma)
 
+    def begin_model(self) -> None:
+        pass
+
     def retune(self, settings: Settings) -> None:
         self.settings = settings
 

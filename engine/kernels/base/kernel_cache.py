@@ -24,7 +24,7 @@ import numba
 from numba.core import caching
 from numba.core.serialize import dumps
 
-from ...support.kernel_folders import SHIPPED, base_folder, digest, tell_once
+from ...support.kernel_folders import SHIPPED, base_folder, bases, digest, tell_once
 
 __all__ = ["keeping"]
 
@@ -52,9 +52,11 @@ def keeping(source: Path) -> Iterator[bool]:
 
 @functools.cache
 def _folders(base: Path | None, source: Path) -> tuple[Path | None, list[Path]]:
-    """The folder into which kernels of a file are written, if there is one, and those that came with Farside."""
+    """The folder into which kernels of a file are written, if there is one, and folders that are only read: those that
+    came with Farside, or that somebody else has filled."""
     name = f"{source.stem}-{digest(source)}"
-    shipped = [folder for folder in SHIPPED.glob(f"*/{name}") if folder.is_dir()]
+    others = [each / name for each in bases() if each != base]
+    shipped = [folder for folder in (*others, *SHIPPED.glob(f"*/{name}")) if folder.is_dir()]
     if base is not None:
         with contextlib.suppress(OSError):
             (base / name).mkdir(exist_ok=True)
