@@ -13,7 +13,7 @@ MODULE_LINES, FUNCTION_LINES = 300, 50
 PACKAGES = ("engine", "server", "clients")
 ARCHITECTURE = ROOT / "engine" / "ARCHITECTURE.md"
 # Loaded by name: the command line's entry point, its commands, and modules that another program runs.
-BY_NAME = re.compile(r"clients/(cli|__main__)\.py|clients/bench/\w+\.py")
+BY_NAME = re.compile(r"clients/(cli|__main__)\.py|clients/bench/\w+\.py|engine/compiling/worker\.py")
 
 
 def modules(*packages: str) -> list[Path]:

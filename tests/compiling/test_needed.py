@@ -1,0 +1,81 @@
+"""The list of needed kernels is complete and has nothing that is not needed."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from farside.engine.compiling import listing
+from farside.engine.compiling.listing import join
+from farside.engine.compiling.needed import USES, Kernel, needed_for, read, write
+from farside.engine.compiling.pool import Compiling
+from farside.engine.compiling.recorder import Compiled
+
+AGAIN = "make the list anew: farside bench compile --renew"
+
+
+@pytest.fixture(scope="module")
+def twins(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("twins")
+
+
+@pytest.mark.parametrize("use", USES)  # the first one makes the twins
+def test_nothing_else_is_compiled(use: str, twins: Path) -> None:
+    compiling = Compiling([use])
+    compiling.run()
+    assert compiling.progress.failed == 0
+    out = twins / f"{use}.json"
+    command = [sys.executable, "-m", "farside.engine.compiling.recorder", use, str(twins / "twins"), str(out)]
+    subprocess.run(command, check=True)
+    compiled = json.loads(out.read_text())
+    assert [(each["module"], each["name"], each["types"]) for each in compiled["kernels"]] == [], AGAIN
+    assert set(compiled["modules"]) <= {read()[number].module for number in needed_for([use])}, AGAIN
+
+
+def test_each_listed_kernel_is_there_and_comes_after_those_that_it_calls() -> None:
+    for number, kernel in enumerate(read()):
+        module = importlib.import_module(f"farside.engine.kernels.{kernel.module}")
+        assert not kernel.name or hasattr(module, kernel.name), AGAIN
+        assert all(callee < number for callee in kernel.after)
+        assert set(kernel.uses) <= set(USES)
+
+
+def test_a_list_is_written_and_read_back(tmp_path: Path) -> None:
+    path = tmp_path / "list.json"
+    write(read(), path)
+    assert read(path) == read()
+
+
+def test_uses_come_in_order_and_each_kernel_once() -> None:
+    picture, both = needed_for(["picture"]), needed_for(["picture", "balanced"])
+    assert both[: len(picture)] == picture
+    assert len(set(both)) == len(both)
+    assert set(both) == set(picture) | set(needed_for(["balanced"]))
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> dict[tuple[str, str], set[tuple[str, str]]]:
+    """Which kernels call which, instead of what is in the modules."""
+    found: dict[tuple[str, str], set[tuple[str, str]]] = {}
+    monkeypatch.setattr(listing, "_called", lambda module, name: found.get((module, name), set()))
+    return found
+
+
+def test_recordings_are_joined_with_callees_first(calls: dict[tuple[str, str], set[tuple[str, str]]]) -> None:
+    calls |= {("a", "outer"): {("b", "inner")}, ("b", "inner"): {("b", "leaf")}}
+    names = ("b", "leaf"), ("b", "inner"), ("a", "outer")
+    leaf, inner, outer = (Compiled(*name, "int64", 1.0, 1.0) for name in names)
+    other = dataclasses.replace(leaf, types="float64")
+    # The second recording has `outer` before a type of `leaf` that the first one does not need.
+    joined = join({"synth": ([leaf, inner], []), "fast": ([leaf, inner, outer, other], ["c"])})
+    numbers = {(kernel.name, kernel.types): number for number, kernel in enumerate(joined)}
+    assert joined[numbers["leaf", "int64"]] == Kernel("b", "leaf", "int64", (), ("synth", "fast"))
+    assert set(joined[numbers["inner", "int64"]].after) == {numbers["leaf", "int64"], numbers["leaf", "float64"]}
+    assert joined[numbers["outer", "int64"]].uses == ("fast",)
+    assert Kernel("c", "", "", (), ("fast",)) in joined
+    assert all(callee < number for number, kernel in enumerate(joined) for callee in kernel.after)
