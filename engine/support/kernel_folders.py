@@ -74,7 +74,7 @@ def base_folder() -> Path | None:
 
 
 def bases() -> Iterator[Path]:
-    """Folders below which kernels may be: those that can be written into, and others that can only be read."""
+    """Folders below which kernels may be, the preferred one first; one that is not writable may still be read."""
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
         yield Path(chosen)
     with contextlib.suppress(RuntimeError):  # there is no home

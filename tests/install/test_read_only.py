@@ -7,12 +7,15 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from dataclasses import astuple
+from functools import partial
 from pathlib import Path
 
 import pytest
 from farside.clients.cli import COMMANDS
+from farside.engine.compiling.needed import needed_for, read
 from farside.engine.io.tmiv import open_sequence
-from farside.engine.kernels.base.kernel_cache import base_folder
+from farside.engine.support.kernel_folders import base_folder
 from support.checkout import ROOT
 from support.sequences import write
 
@@ -116,3 +119,13 @@ def test_render_from_a_read_only_installation(room: Path, tmp_path: Path) -> Non
     assert done.returncode == 0, done.stderr
     assert TOLD not in done.stderr
     assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+
+
+@needs_root
+def test_kernels_in_a_folder_of_somebody_else_are_used(place: Path) -> None:
+    kernel = read()[needed_for(["synth"])[0]]
+    code = f"from farside.engine.compiling.worker import compile_kernel as c; print(c{astuple(kernel)[:3]!r})"
+    environment = {"NUMBA_CACHE_DIR": str(place / "filled"), "HOME": "/dev/null/x"}
+    run = partial(subprocess.run, stdout=subprocess.PIPE, text=True, check=True, cwd="/")
+    assert run([sys.executable, "-c", code], env=os.environ | environment).stdout == "compiled\n"
+    assert run([*OTHER_USER, sys.executable, "-c", code], env=os.environ | environment).stdout == "known\n"

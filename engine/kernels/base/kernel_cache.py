@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import itertools
 import os
 import pickle
 import tempfile
@@ -55,7 +56,7 @@ def _folders(base: Path | None, source: Path) -> tuple[Path | None, list[Path]]:
     """The folder into which kernels of a file are written, if there is one, and folders that are only read: those that
     came with Farside, or that somebody else has filled."""
     name = f"{source.stem}-{digest(source)}"
-    others = [each / name for each in bases() if each != base]
+    others = [each / name for each in itertools.takewhile(lambda each: each != base, bases())]
     shipped = [folder for folder in (*others, *SHIPPED.glob(f"*/{name}")) if folder.is_dir()]
     if base is not None:
         with contextlib.suppress(OSError):
