@@ -9,7 +9,7 @@ import pytest
 from farside.engine.compiling.needed import USES
 from farside.engine.compiling.pool import Compiling
 
-_MANY = 300  # tests: for fewer, kernels are compiled as they are met
+_MANY = 1000  # tests: for fewer, kernels are compiled as they are met
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:

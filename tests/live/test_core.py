@@ -170,3 +170,25 @@ def test_modules_load_no_more_than_they_need(module: str, absent: tuple[str, ...
     ).stdout.split()
     assert module in loaded
     assert [name for name in absent if name in loaded] == []
+
+
+@pytest.mark.parametrize("make", [make_local_core, lambda *given: ProcessCore(make_local_core, *given)])
+def test_the_model_may_begin_later(make) -> None:
+    core = make(CAMERAS, SETTINGS, False)
+    plain = Engine(CAMERAS, dataclasses.replace(SETTINGS, background=False, exposure_s=0.0), f_vin=25.0)
+    late = Engine(CAMERAS, SETTINGS, f_vin=25.0)
+    try:
+        for engine in (core, plain):
+            engine.update(FRAMES[0], look, {}, *([25.0] if engine is core else []))
+        assert core.picture(HEAD, "a", "raw").left == plain.render_encoded(HEAD, "a", "raw").left
+        with pytest.raises(ValueError, match="model"):
+            core.mesh("ply")
+        core.begin_model()
+        for one in FRAMES[1:]:
+            core.update(one, look, {}, 25.0)
+            late.update(one, look, {})
+        assert core.picture(HEAD, "a", "raw").left == late.render_encoded(HEAD, "a", "raw").left
+        assert core.mesh("ply") == to_ply(late.mesh())
+    finally:
+        for each in (core, plain, late):
+            each.close()

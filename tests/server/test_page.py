@@ -16,6 +16,7 @@ from urllib.parse import quote
 import numpy as np
 import pytest
 from farside.clients.connection import connect
+from farside.engine.compiling.pool import Progress
 from farside.engine.rig.camera import Pose
 from farside.engine.rig.viewer import StereoView
 from farside.server.pictures import encode_view
@@ -259,3 +260,34 @@ def test_it_is_served_with_a_certificate(page: sync_api.Page, tmp_path: Path) ->
     with running(Ramp, **given) as url:
         page.goto(url)
         page.wait_for_function("document.getElementById('message').textContent === 'waiting for a source'")
+
+
+class Kernels:
+    """Kernels on their way, as far as a test says."""
+
+    def __init__(self) -> None:
+        self.progress, self.ended = Progress(3, 8), 0
+
+    def start(self) -> None:
+        self.ended -= 1
+
+    def stop(self) -> None:
+        self.ended += 1
+
+
+def test_until_the_first_picture_it_says_what_it_waits_for(page: sync_api.Page) -> None:
+    def wait_said(text: str) -> None:
+        page.wait_for_function("text => document.getElementById('message').textContent === text", arg=text)
+
+    kernels = Kernels()
+    with running(Cores(Ramp), kernels) as url:
+        page.goto(url)
+        wait_said("compiling kernels: 3 of 8")
+        kernels.progress = Progress(7, 8)
+        wait_said("compiling kernels: 7 of 8")
+        kernels.progress = Progress(8, 8)
+        wait_said("waiting for a source")
+        with playing(url):
+            wait_shown(page, 1)
+            wait_said("")
+    assert kernels.ended == 0

@@ -19,10 +19,12 @@ HANG_S = 60.0
 
 
 @contextmanager
-def running(make_core: Callable[[Source], Core] | None = None, **given: Any) -> Iterator[str]:
-    """Yields the server's address; after the block the server has shut down in order."""
+def running(
+    make_core: Callable[[Source], Core] | None = None, compiling: Any = None, **given: Any
+) -> Iterator[str]:
+    """Yields the server's address; after the block the server has shut down in order. `compiling`: its kernels."""
     settings = ServerSettings(**({"port": 0} | given))
-    server = make_server(settings, make_core)
+    server = make_server(settings, make_core, compiling)
     with listen(settings) as listening:
         thread = threading.Thread(target=server.run, kwargs={"sockets": listening})
         thread.start()
