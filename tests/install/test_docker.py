@@ -6,16 +6,20 @@ No Docker engine is needed: the steps are the README's, and use nothing of the i
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 import pytest
 from farside.clients.cli import COMMANDS
+from farside.engine.compiling.pool import Progress
+from farside.engine.support.cpu_level import cpu_level
 from support.checkout import ROOT, copy_checkout
 from support.doubles import FakeCore
 from support.serving import running
@@ -36,8 +40,11 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     assert steps("COPY") == [". ."]
     folder = copy_checkout(tmp_path_factory.mktemp("image") / "farside")
     assert steps("RUN")
+    few = {"LEVELS": cpu_level(), "USES": "synth"}  # all kernels of both levels take minutes
     for step in steps("RUN"):
-        done = subprocess.run(["sh", "-c", step], cwd=folder, capture_output=True, text=True, timeout=600)
+        done = subprocess.run(
+            ["sh", "-c", step], cwd=folder, env=os.environ | few, capture_output=True, text=True, timeout=600
+        )
         assert done.returncode == 0, f"{step}\n{done.stdout}\n{done.stderr}"
     yield folder
     shutil.rmtree(folder)  # an environment with all its packages is large
@@ -48,23 +55,59 @@ def in_image(image: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*entry, *arguments], cwd=image, capture_output=True, text=True, timeout=300)
 
 
-@pytest.mark.parametrize("healthy", [True, False])
-def test_the_health_check_asks_the_server_and_no_proxy(healthy: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    (found,) = re.findall(r"test: (\[.*\])", COMPOSE)
-    kind, python, *arguments = json.loads(found)
-    assert (kind, python) == ("CMD", ".venv/bin/python")
+@pytest.mark.parametrize("state", ["ready", "compiling", "absent"])
+def test_the_health_check_waits_for_a_server_that_is_ready_and_asks_no_proxy(
+    state: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (check,) = steps("HEALTHCHECK")
+    python, script = json.loads(check.partition("CMD ")[2])
+    assert python == ".venv/bin/python"
     monkeypatch.setenv("http_proxy", "http://127.0.0.1:9")
-    with running(FakeCore, host="localhost") as url:
-        port = str(urlsplit(url).port) if healthy else "9"
-        code = arguments[1].replace("8765", port)
-        done = subprocess.run([sys.executable, arguments[0], code], capture_output=True, timeout=60)
-    assert (done.returncode == 0) is healthy, done.stderr
+    kernels = SimpleNamespace(progress=Progress(2, 2 + (state == "compiling")), start=list, stop=list)
+    with running(FakeCore, kernels, host="localhost") as url:
+        monkeypatch.setenv("FARSIDE_PORT", "9" if state == "absent" else str(urlsplit(url).port))
+        done = subprocess.run([sys.executable, ROOT / script], capture_output=True, timeout=60)
+    assert (done.returncode == 0) is (state == "ready"), done.stderr
 
 
 def test_install_steps_are_the_readmes() -> None:
-    readme = (ROOT / "README.md").read_text()
-    for step in steps("RUN"):
-        assert step in readme
+    assert steps("RUN")[0] in (ROOT / "README.md").read_text()
+
+
+def test_kernels_are_in_the_image_and_nothing_is_written_there(image: Path, tmp_path: Path) -> None:
+    """As the compose file runs it: nothing but a volume is writable, and there is no home."""
+    assert "read_only: true" in COMPOSE
+    code = (
+        "from farside.engine.compiling.pool import Compiling as C; c = C(['synth']); c.start(); print(c.finished)\n"
+        "from farside.engine.support.kernel_folders import base_folder; print(base_folder())"
+    )
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA_", "XDG_", "_FARSIDE"))}
+    nowhere = kept | {"HOME": "/dev/null/x"}
+    done = subprocess.run([".venv/bin/python", "-c", code], cwd=image, env=nowhere, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("True\nNone\n", "")
+    made = subprocess.run(
+        [".venv/bin/farside", "synth", "museum", tmp_path / "museum", "--scale", "0.02", "--frames", "1"],
+        cwd=image, env=nowhere, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert made.returncode == 0, made.stderr
+
+
+def test_only_this_machine_reaches_the_composed_server_by_default() -> None:
+    assert re.findall(r'ports: \["(.*)"\]', COMPOSE) == ["${FARSIDE_PUBLISH:-127.0.0.1}:8765:8765"]
+    assert steps("USER") == ["1000:1000"]
+    assert steps("STOPSIGNAL") == ["SIGTERM"]
+
+
+def test_the_composed_twin_is_made_once(image: Path) -> None:
+    (entry,) = re.findall(r"entrypoint: (\[.*\])", COMPOSE)
+    shell, option, line = json.loads(entry)
+    quick = line.replace("--scale 0.25 --frames 60", "--scale 0.02 --frames 1")
+    assert quick != line
+    for made in ("24 source views", ""):
+        done = subprocess.run([shell, option, quick], cwd=image, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stderr
+        assert made in done.stdout
+        assert bool(made) == bool(done.stdout)
 
 
 def test_entry_point_runs(image: Path) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib.metadata
+import os
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+from farside.engine.support.cpu_level import cpu_level
 from support.checkout import ROOT, copy_checkout
 
 PACKAGES = ("engine", "server", "clients")
@@ -72,3 +74,35 @@ def test_wheel_installs_the_command(unpacked: Path) -> None:
     (entry,) = importlib.metadata.Distribution.at(info).entry_points
     assert (entry.name, entry.group) == ("farside", "console_scripts")
     assert entry.value == "farside.clients.cli:main"
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists() or not cpu_level(), reason="needs a checkout, and a CPU with AVX2")
+def test_a_wheel_with_kernels_needs_no_compiler_and_no_place_to_write(tmp_path: Path) -> None:
+    """For one use and this machine's level, because each use of each level is compiled for a minute."""
+    built = {**os.environ, "FARSIDE_WHEEL_LEVELS": cpu_level()}
+    done = subprocess.run([ROOT / ".ci" / "wheel", tmp_path, "synth"], env=built, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = tmp_path.glob("farside-*.whl")
+    assert wheel.name.endswith(f"-cp3{sys.version_info[1]}-none-linux_x86_64.whl")
+    subprocess.run([sys.executable, "-m", "venv", tmp_path / "venv"], check=True)
+    python = tmp_path / "venv" / "bin" / "python"
+    subprocess.run([python, "-m", "pip", "install", "-q", wheel], check=True)
+    ours = ("NUMBA_", "XDG_", "_FARSIDE", "PYTHON")
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
+    nowhere = kept | {"HOME": "/dev/null/x"}
+    code = (
+        "from dataclasses import astuple\n"
+        "from farside.engine.compiling.needed import needed_for, read\n"
+        "from farside.engine.compiling.pool import Compiling\n"
+        "from farside.engine.compiling.worker import compile_kernel\n"
+        "started = Compiling(['synth']); started.start(); assert started.finished, started.progress\n"
+        "print({compile_kernel(*astuple(read()[number])[:3]) for number in needed_for(['synth'])})\n"
+    )
+    ran = subprocess.run([python, "-c", code], env=nowhere, cwd="/", capture_output=True, text=True)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "{'known'}\n", "")
+    options = ["--scale", "0.02", "--frames", "1"]
+    made = subprocess.run(
+        [tmp_path / "venv" / "bin" / "farside", "synth", "museum", tmp_path / "museum", *options],
+        env=nowhere, cwd="/", capture_output=True, text=True,
+    )  # fmt: skip
+    assert made.returncode == 0, made.stderr
