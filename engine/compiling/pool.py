@@ -64,7 +64,9 @@ class Compiling:
         self.wait()
 
     def start(self) -> None:
-        """Start the processes, unless a note says that nothing is missing."""
+        """Start the processes, unless a note says that nothing is missing, or no kernel could be kept for others."""
+        if base_folder() is None:
+            self._done.update(self._numbers)
         for use in self._uses:
             if any(note.is_file() for note in _notes(use)):
                 self._done.update(needed_for([use]))

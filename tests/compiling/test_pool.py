@@ -81,6 +81,15 @@ def test_nothing_is_started_when_all_are_known_to_be_there(folder: Path, monkeyp
     assert not any(note.is_file() for note in pool._notes("fast"))
 
 
+def test_nothing_is_started_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    _small(monkeypatch, 2)
+    monkeypatch.setattr(pool, "base_folder", lambda: None)
+    monkeypatch.setattr(subprocess, "Popen", None)
+    compiling = Compiling(("fast",), 1)
+    compiling.start()
+    assert compiling.wait(timeout=0.0)
+
+
 def test_a_kernel_that_cannot_be_compiled_does_not_stop_the_others(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
