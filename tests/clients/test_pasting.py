@@ -102,10 +102,12 @@ NAMES = [*(name for name in ODD if "/" not in name), "-rf", "new\nline", "*", "-
 def test_the_commands_that_remove_twins_remove_them(tmp_path: Path) -> None:
     """In folders with all those names, given from the root or from where the command runs."""
     code = (
-        "import sys; from pathlib import Path; from rich.console import Console\n"
+        "import sys; from contextlib import suppress; from pathlib import Path\n"
         "from farside.clients import cli, demo\n"
         "def all_of_them():\n"
-        "    for name in sys.argv[1:]: demo._twin(Path(name), 0.25, 60, Console()); print(end='\\0')\n"
+        "    for name in sys.argv[1:]:\n"
+        "        with suppress(ValueError): demo._twin(Path(name), 0.25, 60)  # the folders are empty\n"
+        "        print(end='\\0')\n"
         "cli.app = all_of_them\n"
         "cli.main()\n"
     )

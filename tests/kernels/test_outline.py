@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numba
 import numpy as np
 import pytest
@@ -11,6 +13,9 @@ from farside.engine.support.runtime import one_thread, set_thread_count, thread_
 from numba import prange
 
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+
+
+made = functools.cache(parallel)
 
 
 def sums(a, b, factor=3):
@@ -85,9 +90,9 @@ def test_loops_do_what_they_do_uncompiled(rows: int, threads: int) -> None:
     by_level(3, steps_expected)
     set_thread_count(threads)
     try:
-        parallel(sums)(a, got)
-        parallel(by_level)(3, steps)
-        assert parallel(count)(a, 0.5) == count(a, 0.5)
+        made(sums)(a, got)
+        made(by_level)(3, steps)
+        assert made(count)(a, 0.5) == count(a, 0.5)
     finally:
         set_thread_count(before)
     np.testing.assert_allclose(got, expected, rtol=1e-12)
@@ -101,7 +106,7 @@ def test_loops_that_do_more_than_write_and_count_are_refused(function) -> None:
 
 
 def test_an_exception_in_any_part_is_told() -> None:
-    kernel = parallel(fails)
+    kernel = made(fails)
     for where in (0, 99):
         a = np.zeros(100)
         a[where] = 1
@@ -113,7 +118,7 @@ def test_an_exception_in_any_part_is_told() -> None:
 def test_each_thread_takes_a_part() -> None:
     """As many threads work as the calling one may use: their numbers are those of the pool."""
     numbers = np.full(1000, -1)
-    kernel = parallel(note_threads)
+    kernel = made(note_threads)
     kernel(numbers)
     assert 1 <= len(set(numbers)) <= thread_count()
     with one_thread():
@@ -135,3 +140,10 @@ def test_a_private_kernel_is_called_by_kernels_only() -> None:
     assert outer(1) == 2
     with pytest.raises(TypeError, match="_private: called from Python"):
         inner(1)
+
+
+def test_a_loop_takes_no_name_that_is_there_already() -> None:
+    assert "_sums_loop1" in outline(sums, "share").loops
+    made(sums)
+    with pytest.raises(ValueError, match="_sums_loop1: expected no other thing of this name"):
+        parallel(sums)

@@ -21,6 +21,9 @@ from .share import share
 __all__ = ["inlined", "inlined_late", "parallel", "serial"]
 
 
+_SHARE = "_share_among_threads"  # in modules with parallel loops
+
+
 class _Private(Dispatcher):
     """A kernel that has no entry for Python."""
 
@@ -56,9 +59,11 @@ def parallel(function: Any = None, **more: Any) -> Any:
         return functools.partial(parallel, **more)
     if numba.config.DISABLE_JIT:
         return serial(function, **more)
-    outlined, module = outline(function, "_share"), function.__globals__
-    module["_share"] = share
+    outlined, module = outline(function, _SHARE), function.__globals__
+    module[_SHARE] = share
     for name, loop in outlined.loops.items():
+        if name in module:
+            raise ValueError(f"{module['__name__']}: {name}: expected no other thing of this name: it is a loop's")
         module[name] = serial(loop, **more)
     return serial(outlined.caller, **more)
 
