@@ -111,9 +111,11 @@ class _Show:
         serving = asyncio.create_task(self._server.serve(sockets=self._listening))
         playing, showing = asyncio.create_task(self._replay()), asyncio.create_task(self._show_progress(console))
         try:
-            await asyncio.wait((serving, playing), timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
-            if playing.done():
-                playing.result()
+            tasks = serving, showing, playing
+            await asyncio.wait(tasks, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
+            for task in (showing, playing):  # if the twin cannot be made, that is why it cannot be played
+                if task.done():
+                    task.result()
         finally:
             for task in (playing, showing):
                 task.cancel()
@@ -143,7 +145,7 @@ class _Show:
         twin.go_on()
 
     async def _show_progress(self, console: Console) -> None:
-        """Kernels that are compiled and frames that are made, until all are."""
+        """Kernels that are compiled and frames that are made. It does not end; raises OSError if there is no twin."""
         columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
         with Progress(*columns, console=console, transient=True) as bar:
             kernels = bar.add_task("compiling kernels", total=self._compiling.progress.total)
@@ -151,5 +153,7 @@ class _Show:
             while not bar.finished:
                 bar.update(kernels, completed=self._compiling.progress.done)
                 if self._twin and made is not None:
+                    self._twin.check()
                     bar.update(made, completed=self._twin.done)
                 await asyncio.sleep(0.25)
+        await asyncio.Event().wait()

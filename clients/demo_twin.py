@@ -52,15 +52,19 @@ class DemoTwin:
         self._process = subprocess.Popen([*command, *options], stdout=subprocess.DEVNULL, stderr=self._told)
 
     async def first_frame(self) -> None:
-        """Wait until there is a frame; raises RuntimeError if the process has ended without one."""
+        """Wait until there is a frame; raises OSError as `check` does."""
         while self.done == 0:
-            if self._process is not None and self._process.poll():
-                self._told.seek(0)
-                last = self._told.read().decode(errors="replace").strip().splitlines()[-1:]
-                raise RuntimeError(f"twin: {self.folder}: expected to be made: {' '.join(last)}")
+            self.check()
             await asyncio.sleep(_POLL_S)
         if self._process is not None:
             _give_way(self._process.pid)
+
+    def check(self) -> None:
+        """Raises OSError, with what the process said last, if it has failed."""
+        if self._process is not None and self._process.poll():
+            self._told.seek(0)
+            last = self._told.read().decode(errors="replace").strip().splitlines()[-1:]
+            raise OSError(f"twin: {self.folder}: expected to be made: {' '.join(last)}")
 
     def pause(self) -> None:
         """Let the process stand still until `go_on`."""

@@ -111,7 +111,9 @@ class Compiling:
             if self._stopped:
                 return None
             command = [sys.executable, "-m", f"{__package__}.worker"]
-            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, process_group=0  # Ctrl-C is for us
+            )
             self._processes.append(process)
             return process
 

@@ -92,4 +92,6 @@ def _remove_old(base: Path) -> None:
     for folder in base.glob("*-" + "[0-9a-f]" * 16):
         with contextlib.suppress(OSError):
             if time.time() - folder.stat().st_mtime > _KEPT_S:
+                for note in base.glob("all-for-*"):  # that all kernels for a use are there (`compiling.pool`)
+                    note.unlink()
                 shutil.rmtree(folder, ignore_errors=True)

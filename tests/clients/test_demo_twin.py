@@ -64,7 +64,7 @@ def test_what_keeps_it_from_being_made_is_told(tmp_path: Path) -> None:
     twin = DemoTwin(folder, SCALE, FRAMES)
     twin.start()
     try:
-        with pytest.raises(RuntimeError, match=r"twin: .*museum: expected to be made: .*a file"):
+        with pytest.raises(OSError, match=r"twin: .*museum: expected to be made: .*a file"):
             asyncio.run(twin.first_frame())
     finally:
         twin.stop()

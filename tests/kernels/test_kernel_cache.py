@@ -86,12 +86,14 @@ def test_the_folder_that_numba_is_told_comes_first(package: Path) -> None:
 
 def test_a_folder_that_is_not_used_any_more_is_removed(package: Path) -> None:
     kernels = package / "cache" / "farside" / "kernels"
-    old, other = kernels / "caller-0123456789abcdef", kernels / "something else"
+    old, other, note = kernels / "caller-0123456789abcdef", kernels / "something else", kernels / "all-for-fast-0123"
     for folder in (old, other):
         folder.mkdir(parents=True)
         os.utime(folder, (0, 0))
+    note.touch()
     run(package, XDG_CACHE_HOME=str(package / "cache"))
     assert not old.exists()
+    assert not note.exists()  # it said that nothing is missing
     assert other.exists()
 
 
