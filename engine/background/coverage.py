@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..kernels.background import coverage as kernels
+from ..kernels.background import farther_only
 from ..kernels.base.tolerance import Delta
 from ..rig.frame import View
 from ..support.packed import Coding
@@ -41,7 +42,7 @@ def choose_views(views: Sequence[View], count: int) -> list[int]:
 
 
 class _Added(NamedTuple):
-    view: kernels.DepthView
+    view: farther_only.DepthView
     coding: Coding
     edge: float  # in codes
 
@@ -63,13 +64,13 @@ class Coverage:
         `edge`: the disparity step between neighbouring pixels that is a depth edge, 1/m.
         """
         codes, coding = view.codes, view.camera.depth.packed()
-        blocks = [max(1, math.ceil((size - 1) / kernels.BLOCK)) for size in codes.shape]
+        blocks = [max(1, math.ceil((size - 1) / farther_only.BLOCK)) for size in codes.shape]
         smooth = np.empty(blocks, np.uint8)
-        kernels.mark_smooth(codes, coding, self._delta, smooth)
-        depth = kernels.DepthView(codes, view.camera.packed(self._origin), smooth)
+        farther_only.mark_smooth(codes, coding, self._delta, smooth)
+        depth = farther_only.DepthView(codes, view.camera.packed(self._origin), smooth)
         new = _Added(depth, coding, edge / coding.step)
         keep = np.ones(codes.shape, np.uint8)
         for old in self._added:
-            kernels.keep_farther(depth, coding, *old, self._delta, keep)
+            farther_only.keep_farther(depth, coding, *old, self._delta, keep)
         self._added.append(new)
         return keep

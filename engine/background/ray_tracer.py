@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from ..geometry.embree import MarkQuery, RayScene, intersect_address, occluded_address
-from ..kernels.background import culling, hidden, pbi, triangle_filter
+from ..kernels.background import complementary_rays, culling, hidden, pbi, triangle_filter
 from ..kernels.background.picture import Picture
 from ..kernels.background.rays import Tracer
 from ..kernels.background.surfaces import (
@@ -128,7 +128,7 @@ class EmbreeTracer:
         query = MarkQuery(self._marks, word, int(bit))
         bits = bit.astype(np.int64)
         return int(
-            culling.mark_by_pixel(self.packed, query.address, packed, stride, delta, self._marks, word, bits)
+            complementary_rays.mark_by_pixel(self.packed, query.address, packed, stride, delta, self._marks, word, bits)
         )
 
     def mark_by_triangle(

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from farside.engine.background.coverage import Coverage, choose_views
-from farside.engine.kernels.background.coverage import BLOCK, mark_smooth
+from farside.engine.kernels.background.farther_only import BLOCK, mark_smooth
 from farside.engine.rig.camera import Equirectangular, Pose
 from farside.engine.rig.frame import View
 from farside.engine.settings import Settings

@@ -9,7 +9,8 @@ import pytest
 from farside.engine.background.culling import cull_unmarked, mark_missed, mark_pixels
 from farside.engine.background.pbs import ProbableBackgroundSurface
 from farside.engine.geometry.mesh import Mesh
-from farside.engine.kernels.background.culling import OFFSETS, SAMPLES, SMALL_PX
+from farside.engine.kernels.background.complementary_rays import OFFSETS
+from farside.engine.kernels.background.culling import SAMPLES, SMALL_PX
 from farside.engine.rig.camera import Equirectangular
 from oracle import rays as slow_rays
 from support.models import SETTINGS, model_of, pbi_of, sheets

@@ -71,7 +71,7 @@ STEPS = [
     ),
     (
         "engine/background/coverage.py",
-        "            kernels.keep_farther(depth, coding, *old, self._delta, keep)\n",
+        "            farther_only.keep_farther(depth, coding, *old, self._delta, keep)\n",
         "            pass\n",
         "background/test_coverage.py::test_only_farther_pixels_of_later_views_are_kept",
     ),
@@ -149,7 +149,7 @@ STEPS = [
         "background/test_captures.py::test_a_camera_has_a_newer_capture_and_the_older_one_stays",
     ),
     (
-        "engine/kernels/background/culling.py",
+        "engine/kernels/background/complementary_rays.py",
         "    half = 0.5 * delta_at(delta, far - t)\n",
         "    half = 0.0\n",
         "background/test_culling.py::test_complementary_rays_mark_what_lies_just_before_the_closest_hit",

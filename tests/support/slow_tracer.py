@@ -7,7 +7,8 @@ kernels that call Embree. For perspective cameras only.
 from __future__ import annotations
 
 import numpy as np
-from farside.engine.kernels.background.culling import OFFSETS, SAMPLES, SMALL_PX
+from farside.engine.kernels.background.complementary_rays import OFFSETS
+from farside.engine.kernels.background.culling import SAMPLES, SMALL_PX
 from farside.engine.kernels.background.flags import KEPT, UPDATED
 from farside.engine.kernels.background.hidden import CELL
 from farside.engine.kernels.background.triangle_filter import ACCEPTED, CANDIDATES, CHANGED, COUNTS_SIZE, LONE, RAYS
