@@ -152,6 +152,19 @@ SECTIONS = (
         "for which it waited for a core; those of an idle loop are next to them.",
     ),
     Section(
+        "startup", "How long does it take from nothing to the demo's first picture?",
+        ("startup", "--runs", "3"),
+        "From the start of `farside demo` to the first picture in a real browser: with an empty cache, and once more "
+        "when everything has been made.",
+    ),
+    Section(
+        "compile", "How much work is compiling?",
+        ("compile",),
+        "CPU seconds of each kernel by itself. Several uses share most kernels. `picture` is all that the first "
+        "pictures need, before there is a background model.",
+        reports=True,
+    ),
+    Section(
         "extremes", "How exact are results when numbers are at their extremes?",
         ("extremes",),
         "The largest error against an exact oracle, next to its bound.",
