@@ -158,11 +158,13 @@ def write_twin(
     count = twin.rig.frame_count if frames is None else frames
     if count < 1:
         raise ValueError(f"frames: {count!r}: expected at least 1")
-    names = (*twin.source_names, *(twin.rig.target_names if truth else ()))
+    targets = twin.rig.target_names
+    names = (*twin.source_names, *(targets if truth else ()))
+    cameras = [camera for camera in twin.cameras if truth or camera.name not in targets]
     done, total = 0, count * len(names)
     progress(done, total)
     named: dict[str, Any] = {"json_name": json_name, "frame_count": count}
-    with SequenceWriter(folder, name, FPS, map(twin.camera, names), twin.source_names, **named) as writer:
+    with SequenceWriter(folder, name, FPS, cameras, twin.source_names, **named) as writer:
         for index in range(count):
             for camera in names:
                 is_source = camera in twin.source_names

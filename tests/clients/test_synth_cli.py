@@ -32,6 +32,18 @@ def test_the_json_is_named_after_the_folder(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["My twin"]
 
 
+def test_without_truth_there_are_the_same_views_and_no_virtual_cameras_but_the_viewport(tmp_path: Path) -> None:
+    assert synth(tmp_path / "whole") == synth(tmp_path / "views", "--no-truth") == ""
+    whole, views = open_sequence(tmp_path / "whole"), open_sequence(tmp_path / "views")
+    assert views.source_names == whole.source_names
+    assert set(whole.camera_names) - set(views.camera_names) == set(whole.truth_names)
+    assert "viewport" in views.camera_names
+    assert not (tmp_path / "views" / "truth").exists()
+    assert check_sequence(tmp_path / "views") == []
+    for one, other in zip(whole.frame(1).views, views.frame(1).views, strict=True):
+        assert (one.codes == other.codes).all()
+
+
 def test_a_folder_that_holds_something_is_refused(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert synth(out) == ""

@@ -52,7 +52,7 @@ def count_leaks(
                 z += share * points[triangle[corner], 2]
             u, v, _depth = project_point(camera, x, y, z)
             missed[i, kind] = farthest_hit(tracer, camera, u, v)[0] < 0.0
-    return np.int64(missed[:, 0].sum()), np.int64(missed[:, 1].sum()), np.int64(missed[:, 2].sum())
+    return int(missed[:, 0].sum()), int(missed[:, 1].sum()), int(missed[:, 2].sum())
 
 
 @parallel
