@@ -230,6 +230,7 @@ def test_triangles_beyond_all_integers_are_drawn_to_an_end(child):
 COVERED = {
     "background/captures": ("pipeline",),
     "background/complementary_rays": ("pipeline",),
+    "background/culling": ("pipeline",),
     "background/exposure": ("pipeline",),
     "background/hidden": ("pipeline",),
     "background/pbi": ("pipeline",),
