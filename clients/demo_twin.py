@@ -10,8 +10,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 from farside.engine.io.recording import Recording
 from farside.engine.io.tmiv import open_sequence
@@ -21,6 +22,7 @@ from farside.engine.rig.frame import Frame, Texture
 
 __all__ = ["DemoTwin"]
 
+T = TypeVar("T")
 _POLL_S, _NICENESS = 0.1, 5
 
 
@@ -39,7 +41,7 @@ class DemoTwin:
 
     def __init__(self, folder: Path, scale: float, total: int) -> None:
         self.folder, self.total = folder, total
-        self._scale = scale
+        self._scale, self._done = scale, 0
         self._process: subprocess.Popen[bytes] | None = None
         self._told = tempfile.TemporaryFile()  # noqa: SIM115 # its error output, open as long as the twin
         self._open: Recording | None = None
@@ -86,12 +88,18 @@ class DemoTwin:
 
     @property
     def done(self) -> int:
-        """Frames that are there."""
-        try:
-            return self._recording.frame_count
-        except (ValueError, OSError):
+        """Frames that are there; never fewer than before."""
+        with contextlib.suppress(ValueError, OSError):
+            self._done = max(self._done, self._read(lambda recording: recording.frame_count))
+        return self._done
+
+    def _read(self, read: Callable[[Recording], T]) -> T:
+        """What a function reads from the recording, also while that moves to its place."""
+        for _ in range(2):
+            with contextlib.suppress(ValueError, OSError):
+                return read(self._recording)
             self._open = None  # the files are looked for anew
-            return 0
+        return read(self._recording)
 
     @property
     def _recording(self) -> Recording:
@@ -106,12 +114,12 @@ class DemoTwin:
     @property
     def name(self) -> str:
         """The name for people."""
-        return self._recording.name
+        return self._read(lambda recording: recording.name)
 
     @property
     def fps(self) -> float:
         """Frames per second."""
-        return self._recording.fps
+        return self._read(lambda recording: recording.fps)
 
     @property
     def frame_count(self) -> int:
@@ -121,33 +129,30 @@ class DemoTwin:
     @property
     def source_names(self) -> tuple[str, ...]:
         """The reference cameras."""
-        return self._recording.source_names
+        return self._read(lambda recording: recording.source_names)
 
     @property
     def camera_names(self) -> tuple[str, ...]:
         """All cameras."""
-        return self._recording.camera_names
+        return self._read(lambda recording: recording.camera_names)
 
     @property
     def truth_names(self) -> tuple[str, ...]:
         """The virtual cameras with ground truth."""
-        return self._recording.truth_names
+        return self._read(lambda recording: recording.truth_names)
 
     def camera(self, name: str, frame: int = 0) -> Camera:
         """A camera."""
-        return self._recording.camera(name, frame)
+        return self._read(lambda recording: recording.camera(name, frame))
 
     def poses(self, name: str) -> list[Pose] | None:
         """None: all cameras are fixed."""
-        return self._recording.poses(name)
+        return self._read(lambda recording: recording.poses(name))
 
     def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
         """The reference views of one instant."""
         wanted = None if names is None else tuple(names)
-        with contextlib.suppress(ValueError, OSError):
-            return self._recording.frame(index, wanted)
-        self._open = None  # it has moved meanwhile
-        return self._recording.frame(index, wanted)
+        return self._read(lambda recording: recording.frame(index, wanted))
 
     def frames(self, start: int = 0, stop: int | None = None, names: Iterable[str] | None = None) -> Iterator[Frame]:
         """Frames in order, as far as they are there when the iterator reaches them."""
@@ -158,4 +163,4 @@ class DemoTwin:
 
     def texture(self, name: str, frame: int) -> Texture:
         """A camera's picture."""
-        return self._recording.texture(name, frame)
+        return self._read(lambda recording: recording.texture(name, frame))

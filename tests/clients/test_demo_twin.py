@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import threading
+import time
 from pathlib import Path
 
 import pytest
 from farside.clients.demo_twin import DemoTwin
 from farside.engine.io.recording import open_recording
 from farside.engine.io.whole_sequence import hidden_folder
+from farside.engine.synth import write_twin
 
 SCALE, FRAMES = 0.04, 100
 
@@ -68,3 +71,27 @@ def test_what_keeps_it_from_being_made_is_told(tmp_path: Path) -> None:
             asyncio.run(twin.first_frame())
     finally:
         twin.stop()
+
+
+def test_it_is_read_while_its_folder_moves(tmp_path: Path) -> None:
+    twin, hidden = DemoTwin(tmp_path / "museum", 0.02, 3), tmp_path / ".museum.farside-unfinished"
+    assert hidden == hidden_folder(twin.folder)
+    write_twin("museum", twin.folder, 0.02, 3)
+    moving = threading.Event()
+
+    def move() -> None:
+        for _ in range(20):
+            twin.folder.rename(hidden)
+            time.sleep(0.06)
+            hidden.rename(twin.folder)
+            time.sleep(0.06)
+        moving.set()
+
+    assert twin.done == 3
+    mover = threading.Thread(target=move)
+    mover.start()
+    while not moving.is_set():
+        assert twin.frame_count == 3
+        assert len(twin.frame(2).views) == 24
+    mover.join()
+    twin.stop()
