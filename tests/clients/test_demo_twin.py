@@ -80,11 +80,11 @@ def test_it_is_read_while_its_folder_moves(tmp_path: Path) -> None:
     moving = threading.Event()
 
     def move() -> None:
-        for _ in range(20):
+        for _ in range(3):
             twin.folder.rename(hidden)
-            time.sleep(0.06)
+            time.sleep(0.5)
             hidden.rename(twin.folder)
-            time.sleep(0.06)
+            time.sleep(0.5)
         moving.set()
 
     assert twin.done == 3
