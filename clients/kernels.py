@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
+import typer
+from farside.engine.compiling.needed import USES
 from farside.engine.compiling.pool import Compiling
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-__all__ = ["compile_shown"]
+__all__ = ["Uses", "compile_shown"]
+
+Uses = Annotated[
+    list[str] | None,
+    typer.Option("--for", metavar="USE", help=f"One of {', '.join(USES)}; may be repeated (default: all)."),
+]
 
 
 def compile_shown(uses: Sequence[str], console: Console | None = None, workers: int = 0) -> int:

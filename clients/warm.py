@@ -13,16 +13,13 @@ from farside.engine.support.cpu_level import LEVELS
 from farside.engine.support.kernel_folders import SHIPPED
 from rich.console import Console
 
-from .kernels import compile_shown
+from .kernels import Uses, compile_shown
 
 __all__ = ["command"]
 
 
 def command(
-    uses: Annotated[
-        list[str] | None,
-        typer.Option("--for", metavar="USE", help=f"One of {', '.join(USES)}; may be repeated (default: all)."),
-    ] = None,
+    uses: Uses = None,
     into: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder for the kernels (default: the user's cache); it can be moved."),

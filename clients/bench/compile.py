@@ -12,6 +12,7 @@ from farside.engine.compiling.needed import USES, write
 from rich.console import Console
 from rich.table import Table
 
+from ..kernels import Uses
 from .options import Report
 
 __all__ = ["command"]
@@ -20,10 +21,7 @@ _MOST = 20  # kernels in the table
 
 
 def command(
-    uses: Annotated[
-        list[str] | None,
-        typer.Option("--for", metavar="USE", help=f"One of {', '.join(USES)}; may be repeated (default: all)."),
-    ] = None,
+    uses: Uses = None,
     renew: Annotated[
         bool, typer.Option("--renew", help="Write the list of needed kernels anew, into the installation.")
     ] = False,

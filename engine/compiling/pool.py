@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import platform
 import subprocess
 import sys
 import threading
@@ -15,7 +14,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from ..support.cores import core_count
-from ..support.cpu_level import chosen_cpu
+from ..support.cpu_level import chosen_cpu, this_cpu
 from ..support.kernel_folders import SHIPPED, base_folder, digest
 from .needed import NEEDED, needed_for, read
 
@@ -177,15 +176,7 @@ def _leave_note(use: str) -> None:
 @cache
 def _state() -> str:
     """What all kernels depend on, in 16 characters: their files, the list, the compiler, the CPU."""
-    found = sha256(NEEDED.read_bytes() + (chosen_cpu() or _this_cpu()).encode())
+    found = sha256(NEEDED.read_bytes() + (chosen_cpu() or this_cpu()).encode())
     for path in sorted((Path(__file__).parents[1] / "kernels").rglob("*.py")):
         found.update(digest(path).encode())
     return found.hexdigest()[:16]
-
-
-def _this_cpu() -> str:
-    """The CPU's model and abilities, as far as the system tells."""
-    with suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
-        return "\n".join(line for line in lines if line.startswith(("model name", "flags")))
-    return platform.processor()

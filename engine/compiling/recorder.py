@@ -25,13 +25,12 @@ _TWINS = ("museum", "painter")  # spherical and perspective cameras
 
 @dataclass(slots=True)
 class Compiled:
-    """A kernel that was compiled: where it is, its types, its own CPU seconds and those with what it needed."""
+    """A kernel that was compiled: where it is, its types, and its CPU seconds without those of its callees."""
 
     module: str
     name: str
     types: str
     own_s: float
-    whole_s: float
 
 
 @contextmanager
@@ -59,7 +58,7 @@ def recorded() -> Iterator[list[Compiled]]:
                 found.append(
                     Compiled(
                         function.__module__.removeprefix(_KERNELS), function.__name__, to_text(event.data["args"]),
-                        whole - inner, whole,
+                        whole - inner,
                     )
                 )  # fmt: skip
 

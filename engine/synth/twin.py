@@ -6,7 +6,6 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -163,8 +162,9 @@ def write_twin(
     cameras = [camera for camera in twin.cameras if truth or camera.name not in targets]
     done, total = 0, count * len(names)
     progress(done, total)
-    named: dict[str, Any] = {"json_name": json_name, "frame_count": count}
-    with SequenceWriter(folder, name, FPS, cameras, twin.source_names, **named) as writer:
+    with SequenceWriter(
+        folder, name, FPS, cameras, twin.source_names, json_name=json_name, frame_count=count
+    ) as writer:
         for index in range(count):
             for camera in names:
                 is_source = camera in twin.source_names
