@@ -27,9 +27,10 @@ _IMPORT = re.compile(r"^from (\.+)([\w.]*) import", re.MULTILINE)
 
 
 def digest(source: Path) -> str:
-    """What the kernels of a file depend on, in 16 characters: it, all files that it imports, and the compiler."""
+    """What the kernels of a file depend on, in 16 characters: it, all files that it imports, how they are compiled
+    (`kernels.base.jit`), and the compiler."""
     found = hashlib.sha256(_VERSIONS.encode())
-    for path in sorted(_all_imported(source.resolve())):
+    for path in sorted(_all_imported(source.resolve()) | _all_imported(_ENGINE / "kernels" / "base" / "jit.py")):
         found.update(f"{os.path.relpath(path, _ENGINE)}\0".encode() + path.read_bytes() + b"\0")
     return found.hexdigest()[:16]
 

@@ -38,7 +38,7 @@ def package(tmp_path: Path) -> Path:
     support.mkdir()
     for folder in (base, base.parent, base.parents[1], support):
         (folder / "__init__.py").touch()
-    copied = ("jit", "kernel_cache", "outline", "share")
+    copied = ("jit", "kernel_cache", "outline", "private", "share")
     for path in (*(f"kernels/base/{name}" for name in copied), "support/kernel_folders"):
         (tmp_path / "pack" / f"{path}.py").write_text((ENGINE / f"{path}.py").read_text())
     (base / "callee.py").write_text(CALLEE.format(factor=2))
@@ -140,6 +140,22 @@ def test_a_damaged_kernel_is_compiled_again(package: Path) -> None:
         kept.write_bytes(damaged)
         assert run(package, XDG_CACHE_HOME=cache) == ("2.0 0", "")
         assert run(package, XDG_CACHE_HOME=cache) == ("2.0 1", "")
+
+
+def test_a_private_kernel_is_kept_without_machine_code(package: Path) -> None:
+    caller = package / "pack" / "kernels" / "caller.py"
+    twice = "@serial\ndef _twice(x):\n    return x * 2.0\n\n"
+    text = caller.read_text().replace("return x * factor()", "return _twice(x)")
+    caller.write_text(text.replace("@serial\n", f"{twice}@serial\n"))
+    cache = str(package / "cache")
+    assert run(package, XDG_CACHE_HOME=cache) == ("2.0 0", "")
+    kept = {path.name.split("-")[0]: path for path in (package / "cache").rglob("*.nbc")}
+    assert sorted(kept) == ["caller._twice", "caller.scaled"]
+    holds_code = {name: b"\x7fELF" in path.read_bytes() for name, path in kept.items()}
+    assert holds_code == {"caller._twice": False, "caller.scaled": True}
+    kept["caller.scaled"].unlink()
+    assert run(package, XDG_CACHE_HOME=cache) == ("2.0 0", "")  # compiled again, with the private one that was kept
+    assert kept["caller.scaled"].is_file()
 
 
 def test_processes_that_compile_at_once_forget_nothing(package: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import sys
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -11,6 +13,7 @@ from farside.engine.kernels.base.jit import parallel, serial
 from farside.engine.kernels.base.outline import outline
 from farside.engine.support.runtime import one_thread, set_thread_count, thread_count
 from numba import prange
+from numba.extending import intrinsic
 
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -52,6 +55,46 @@ def takes_last(a):
     for i in numba.prange(a.shape[0]):
         last = i
     return last
+
+
+class Plane(NamedTuple):
+    samples: np.ndarray
+    mask: np.ndarray
+
+
+def knows_twice(plane):
+    samples = plane.samples
+    for i in numba.prange(samples.shape[0]):
+        plane.samples[i] = samples[i] + 1
+
+
+def knows_a_slice(a):
+    later = a[1:]
+    for i in numba.prange(later.shape[0]):
+        later[i] = a[i]
+
+
+def turned(planes, out):
+    for i in numba.prange(out.shape[0]):
+        samples, mask = planes[0]
+        row = samples[i]
+        out[i] = row[::-1].sum() if mask[i] else planes[1].samples[i, 0]
+
+
+@intrinsic
+def owner(typing, array):
+    """The address of what counts the references to an array."""
+
+    def generate(context, builder, signature, arguments):
+        data = context.make_array(array)(context, builder, arguments[0])
+        return builder.ptrtoint(data.meminfo, context.get_value_type(numba.intp))
+
+    return numba.intp(array), generate
+
+
+def owned(planes, out):
+    for i in numba.prange(out.shape[0]):
+        out[i, 0], out[i, 1], out[i, 2] = owner(planes[0].samples), owner(planes[1].mask), owner(out)
 
 
 def returns(a):
@@ -99,7 +142,7 @@ def test_loops_do_what_they_do_uncompiled(rows: int, threads: int) -> None:
     np.testing.assert_array_equal(steps, steps_expected)
 
 
-@pytest.mark.parametrize("function", [takes_last, returns, multiplies])
+@pytest.mark.parametrize("function", [takes_last, returns, multiplies, knows_twice, knows_a_slice])
 def test_loops_that_do_more_than_write_and_count_are_refused(function) -> None:
     with pytest.raises(ValueError, match=rf"{function.__name__}, line \d+: .*expected"):
         outline(function, "share")
@@ -128,6 +171,25 @@ def test_each_thread_takes_a_part() -> None:
 
 def _private(x):
     return x + 1
+
+
+def test_arrays_in_records_are_lent_to_the_threads() -> None:
+    planes = tuple(Plane(np.full((64, 3), float(k)), np.arange(64) % 2 == k) for k in range(2))
+    out = np.zeros(64)
+    counts = [sys.getrefcount(array) for plane in planes for array in plane]
+    for _ in range(50):
+        made(turned)(planes, out)
+    assert out.tolist() == [0.0, 1.0] * 32
+    assert [sys.getrefcount(array) for plane in planes for array in plane] == counts
+
+
+def test_no_thread_changes_the_count_of_an_arrays_references() -> None:
+    """Atomic changes of one count by all threads would cost more than the rest of a loop: there is no owner to count
+    for."""
+    planes = tuple(Plane(np.ones((4, 3)), np.ones(4, bool)) for _ in range(2))
+    owners = np.full((8, 3), -1)
+    made(owned)(planes, owners)
+    np.testing.assert_array_equal(owners, np.zeros((8, 3)))
 
 
 def test_a_private_kernel_is_called_by_kernels_only() -> None:

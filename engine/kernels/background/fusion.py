@@ -110,7 +110,7 @@ def settle_points(mesh: Triangles, camera: F64, rules: Rules, codes: U16, moved:
     surface. A point without such pixels stays.
     """
     h, w = codes.shape
-    points, uv, lowest, by_code = mesh.points, mesh.uv, rules.lowest, rules.by_code
+    points, uv = mesh.points, mesh.uv
     for i in numba.prange(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         u, v = float(uv[i, 0]), float(uv[i, 1])
@@ -120,7 +120,8 @@ def settle_points(mesh: Triangles, camera: F64, rules: Rules, codes: U16, moved:
         for row in range(math.ceil(v - 1.0), math.floor(v) + 1):
             for column in range(math.ceil(u - 1.0), math.floor(u) + 1):
                 code = int(codes[min(max(row, 0), h - 1), column % w])
-                if code >= lowest and code - lowest >= by_code[nearest] and nearest - lowest >= by_code[code]:
+                above, nearest_above = code - rules.lowest, nearest - rules.lowest
+                if above >= rules.by_code[nearest] and nearest_above >= rules.by_code[code]:
                     total += code
                     count += 1
         if count > 0:

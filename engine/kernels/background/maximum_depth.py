@@ -116,8 +116,7 @@ def update_maximum_depth(
     replaced when the same surface is seen away from depth edges. It is looked at once within PHASES calls; after that
     only where something has changed, and in one pair of rows per `turn`, which counts up.
     """
-    codes, new_codes, by_code = known.codes, new.codes, rules.by_code
-    h, w = codes.shape
+    h, w = known.codes.shape
     lowest, whole, margins = np.uint16(rules.lowest), turn >= 0, margins_of(rules)
     for band in numba.prange(counts.shape[0]):
         first = np.int64(band) * PHASES
@@ -128,24 +127,23 @@ def update_maximum_depth(
             x0 = max(min(start, w - TILE), 0)  # the last tile overlaps the one before
             narrow = w < TILE
             stirred = narrow or _stirred(before, band, tile)
-            every = stirred or whole or _pair_farther(look, x0, new_codes, codes, by_code, margins)
+            every = stirred or whole or _pair_farther(look, x0, new.codes, known.codes, rules.by_code, margins)
             wanted = PROVISIONAL if stirred else FRESH
             if every or _pair_set(look, x0, flags, wanted):
                 for pair in range(first if every else look, last if every else look + 1):
                     if (
                         narrow
-                        or _pair_farther(pair, x0, new_codes, codes, by_code, margins)
+                        or _pair_farther(pair, x0, new.codes, known.codes, rules.by_code, margins)
                         or (pair == look and _pair_set(pair, x0, flags, wanted))
                         or (pair == again and _pair_set(pair, x0, flags, PROVISIONAL))
                     ):
                         for column in range(start // 2, (min(start + TILE, w) + 1) // 2):
-                            if _concerned(pair, column, new_codes, codes, flags, by_code, lowest):
+                            if _concerned(pair, column, new.codes, known.codes, flags, rules.by_code, lowest):
                                 count += _update_quad(pair, column, new, known, flags, fused, rules, tone)
             counts[band, tile] = count
 
 
-# Not `inlined`: in a parallel function Numba drops writes to arrays that are fields of a tuple and are never read.
-@inlined_late
+@inlined
 def _update_quad(
     pair: int, column: int, new: Picture, known: Picture, flags: U8, fused: U8, rules: Rules, tone: F64
 ) -> int:

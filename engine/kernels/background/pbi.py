@@ -10,7 +10,7 @@ import numpy as np
 
 from ...support.array_types import F64, I64, U8, U16
 from ...support.packed import Coding
-from ..base.jit import inlined, inlined_late, parallel, serial
+from ..base.jit import inlined, parallel, serial
 from ..base.memory import load_f32, load_u32
 from ..base.project import unproject_point
 from ..base.tolerance import Delta
@@ -213,8 +213,7 @@ def _write(hits: F64, captures: I64, coding: Coding, pair: int, column: int, pic
     picture.cb[pair, column], picture.cr[pair, column] = int(blue + 0.5), int(red + 0.5)
 
 
-# Not `inlined`: in a parallel function Numba drops writes to arrays that are fields of a tuple and are never read.
-@inlined_late
+@serial
 def _leave_out(pair: int, column: int, picture: Picture) -> None:
     """Makes the 2x2 pixels holes."""
     row, x = 2 * pair, 2 * column

@@ -16,19 +16,13 @@ from numba.core.dispatcher import Dispatcher
 
 from .kernel_cache import keeping
 from .outline import outline
+from .private import LoopCompiler, PrivateCompiler, make_private
 from .share import share
 
 __all__ = ["inlined", "inlined_late", "parallel", "serial"]
 
 
 _SHARE = "_share_among_threads"  # in modules with parallel loops
-
-
-class _Private(Dispatcher):
-    """A kernel that has no entry for Python."""
-
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
-        raise TypeError(f"{self.py_func.__name__}: called from Python: its name starts with _, so only kernels call it")
 
 
 def _decorator(**options: Any) -> Any:
@@ -40,9 +34,11 @@ def _decorator(**options: Any) -> Any:
         with keeping(Path(function.__code__.co_filename)) as kept:
             private = function.__name__.startswith("_")
             wrappers = {"no_cpython_wrapper": private, "no_cfunc_wrapper": True}  # a third of a small kernel's code
-            made = numba.njit(cache=kept, error_model="numpy", **wrappers, **options, **more)(function)
-        if private and isinstance(made, Dispatcher):
-            made.__class__ = _Private
+            compiler = {"pipeline_class": PrivateCompiler} if private else {}
+            chosen = {**compiler, **wrappers, **options, **more}
+            made = numba.njit(cache=kept, error_model="numpy", **chosen)(function)
+            if private and isinstance(made, Dispatcher):
+                make_private(made, kept)
         return made
 
     return decorate
@@ -51,6 +47,7 @@ def _decorator(**options: Any) -> Any:
 serial = _decorator(nogil=True)
 """One thread; other Python threads run meanwhile."""
 
+_loop = _decorator(nogil=True, pipeline_class=LoopCompiler)
 
 
 def parallel(function: Any = None, **more: Any) -> Any:
@@ -64,7 +61,7 @@ def parallel(function: Any = None, **more: Any) -> Any:
     for name, loop in outlined.loops.items():
         if name in module:
             raise ValueError(f"{module['__name__']}: {name}: expected no other thing of this name: it is a loop's")
-        module[name] = serial(loop, **more)
+        module[name] = _loop(loop, **more)
     return serial(outlined.caller, **more)
 
 

@@ -37,7 +37,7 @@ def outline(function: Callable[..., Any], share: str) -> Outlined:
     """Make functions of a kernel's parallel loops; `share`: the name by which its module knows what runs them.
 
     A loop may write into arrays and count: add whole numbers to one variable. Raises ValueError for a loop that
-    returns, or of which any other variable is read after it.
+    returns, of which any other variable is read after it, or that knows an array by two names.
     """
     code, module = function.__code__, function.__globals__
     whole = _definition(code.co_filename, code.co_firstlineno, function.__name__)
@@ -104,6 +104,8 @@ class _Maker:
         if len(late) > 1 or not all(_only_added_to(name, loop) for name in late):
             raise ValueError(f"{where}: {', '.join(late)}: expected results in arrays, or one count")
         values = (read - _names([loop.target], ast.Store)) & self._local - (written - self._set_before(loop))
+        for twice in sorted(values & _renamed(self._whole, values)):
+            raise ValueError(f"{where}: {twice}: expected one name for all that the loop knows, not also a part's")
         name = f"_{self._whole.name.strip('_')}_loop{len(self.loops) + 1}"
         self.loops.append(_loop_function(name, sorted(values - set(late)), loop, *late))
         assert isinstance(loop.iter, ast.Call)
@@ -164,6 +166,31 @@ def _uses(node: ast.AST) -> Iterator[tuple[str, bool, int]]:
         for each in inner if isinstance(inner, list) else [inner]:
             if isinstance(each, ast.AST):
                 yield from _uses(each)
+
+
+def _renamed(whole: ast.FunctionDef, values: set[str]) -> set[str]:
+    """Names for parts of other values: fields of records, and parts of arrays."""
+    found = set()
+    for node in ast.walk(whole):
+        if not isinstance(node, ast.Assign):
+            continue
+        for target in node.targets:
+            pairs = [(target, node.value)]
+            if isinstance(target, ast.Tuple):
+                parts = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value] * len(target.elts)
+                pairs = list(zip(target.elts, parts, strict=True))
+            found |= {name.id for name, value in pairs if isinstance(name, ast.Name) and _part_of(value) & values}
+    return found
+
+
+def _part_of(value: ast.expr) -> set[str]:
+    """The name of which an expression is a part, unless it is a number: an element, or the length of something."""
+    while isinstance(value, ast.Attribute | ast.Subscript):
+        is_slice = any(isinstance(node, ast.Slice) for node in ast.walk(value))
+        if not is_slice and (isinstance(value, ast.Subscript) or value.attr in ("shape", "size")):
+            return set()
+        value = value.value
+    return {value.id} if isinstance(value, ast.Name) else set()
 
 
 def _only_added_to(name: str, loop: ast.For) -> bool:

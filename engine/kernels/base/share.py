@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba.core.types as _types
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 from numba.np.ufunc import parallel as pool
 
 __all__ = ["share"]
+
+types: Any = _types  # its stubs know only a part of it
 
 pool._launch_threads()  # from now on kernels find the pool's functions by name; the package has chosen the pool
 
@@ -34,7 +37,7 @@ def share(typing: Any, loop: Any, first: Any, end: Any, values: Any) -> Any:
         data_type = ir.LiteralStructType([_I64, _I64, packed.type])
         data = cgutils.alloca_once(builder, data_type)
         builder.store(data_type([_I64(0), _I64(0), ir.Undefined]), data)
-        builder.store(packed, _field(builder, data, _VALUES))
+        builder.store(_lent(context, builder, values, packed), _field(builder, data, _VALUES))
         low = context.cast(builder, low, signature.args[1], types.int64)
         high = context.cast(builder, high, signature.args[2], types.int64)
         part = _part_function(context, builder.module, loop, resolved, values, data_type)
@@ -54,6 +57,22 @@ _I64, _BYTES = ir.IntType(64), ir.IntType(8).as_pointer()
 
 def _field(builder: Any, pointer: Any, index: int) -> Any:
     return builder.gep(pointer, [ir.Constant(ir.IntType(32), 0), ir.Constant(ir.IntType(32), index)], inbounds=True)
+
+
+def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """A value whose arrays, also those in tuples, have no owner: the caller holds them as long as the loop runs.
+
+    Otherwise threads would contend for the counts of the arrays' references, which each call and each record changes.
+    """
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = array.parent = ir.Constant(array.meminfo.type, None)
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple):
+        for place, inner in enumerate(kind.types):
+            lent = _lent(context, builder, inner, builder.extract_value(value, place))
+            value = builder.insert_value(value, lent, place)
+    return value
 
 
 def _part_function(

@@ -113,14 +113,14 @@ def lay_backdrop(
     if the backdrop is a ghost), the hole shows it, as view `number` + 1 + the view's row. If there are such views, the
     backdrop covers a drawn surface only where one of them confirms it.
     """
-    disparity = buffer.disparity
-    h, w = disparity.shape
+    h, w = buffer.disparity.shape
     for row in numba.prange(h):
         y = np.int64(row)
         _push_away(backdrop[y], push)
-        x = _first_to_ask(backdrop[y], disparity[y], delta, 0)
+        x = _first_to_ask(backdrop[y], buffer.disparity[y], delta, 0)
         while x < w:
             for column in range(x, min(x + LANES, w)):
-                if _may_show(np.float64(backdrop[y, column]), np.float64(disparity[y, column]), delta):
+                q, live = np.float64(backdrop[y, column]), np.float64(buffer.disparity[y, column])
+                if _may_show(q, live, delta):
                     _lay_pixel(backdrop, camera, views, order, delta, number, buffer, y, column)
-            x = _first_to_ask(backdrop[y], disparity[y], delta, x + LANES)
+            x = _first_to_ask(backdrop[y], buffer.disparity[y], delta, x + LANES)
