@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import shlex
 import socket
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Annotated
 import typer
 from farside.engine.compiling.pool import Compiling
 from farside.engine.io.recording import Recording, open_recording
+from farside.engine.support.kernel_folders import user_cache
 from farside.server.app import make_server
 from farside.server.settings import ServerSettings
 from rich.console import Console
@@ -59,14 +59,17 @@ def command(
         address = " and ".join(addresses_of(listening, settings, settings.token))
         text = ("watch at ", (address, "bold"), " (Ctrl-C stops); move with the mouse and W A S D Q E")
         console.print(Text.assemble(*text), soft_wrap=True, highlight=False)  # an address stays in one piece
-        show = _Show(settings, listening, _twin(cache or _cache(), scale, frames), rate)
+        show = _Show(settings, listening, _twin(cache or _own_cache(), scale, frames), rate)
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(show.run(seconds, console))
         console.print("stopped")
 
 
-def _cache() -> Path:
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "farside"
+def _own_cache() -> Path:
+    try:
+        return user_cache()
+    except RuntimeError:
+        raise ValueError("--cache: this user has no home folder: expected a folder for the twin") from None
 
 
 def _twin(cache: Path, scale: float, frames: int) -> Recording | DemoTwin:

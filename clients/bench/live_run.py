@@ -23,8 +23,9 @@ from farside.server.protocol import ViewerHello
 from ..connection import persist
 from ..fetching import fetch
 from ..headset import Headset
+from .processes import Usage
 
-__all__ = ["LiveFigures", "Usage", "measure_live"]
+__all__ = ["LiveFigures", "measure_live"]
 
 _HANG_S = 600.0  # the first run compiles every kernel
 _WARM_UPDATES = 4  # updates with a viewer before counting starts: the first ones do work that is done only once
@@ -42,28 +43,6 @@ with contextlib.suppress(TimeoutError):
     asyncio.run(asyncio.wait_for(monitor.run(), float(sys.argv[1])))
 print(json.dumps(monitor.summary()))
 """
-
-
-@dataclass(frozen=True, slots=True)
-class Usage:
-    """CPU seconds of some processes, and their resident memory in MB, now and at most; shared memory counts once."""
-
-    cpu_s: float
-    resident_mb: float
-    peak_mb: float
-
-    @classmethod
-    def of(cls, *pids: int) -> Usage:
-        """The use of the processes `pids` so far, from Linux's /proc."""
-        processes = [Path("/proc") / str(pid) for pid in pids]
-        times = [(process / "stat").read_text().rpartition(")")[2].split()[11:13] for process in processes]
-        told = [re.findall(r"(\w+):\s+(\d+) kB", (process / "status").read_text()) for process in processes]
-        memory = [{name: int(value) for name, value in found} for found in told]
-        shared = [used["RssShmem"] for used in memory]
-        twice = sum(shared) - max(shared)
-        resident, peak = (sum(used[name] for used in memory) - twice for name in ("VmRSS", "VmHWM"))
-        cpu = sum(int(ticks) for pair in times for ticks in pair) / os.sysconf("SC_CLK_TCK")
-        return cls(cpu, resident / 1024, peak / 1024)
 
 
 @dataclass(frozen=True, slots=True)

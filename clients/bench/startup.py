@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
@@ -23,6 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..fetching import fetch
+from .processes import cpu_of_tree_s
 
 __all__ = ["Startup", "command", "measure_start"]
 
@@ -82,14 +82,14 @@ def measure_start(cache: Path, browser: Path) -> Startup:
     with sync_playwright() as play:
         window = play.chromium.launch(executable_path=str(browser), args=list(_FLAGS))  # before the clock starts
         page = window.new_page(viewport={"width": 1280, "height": 720})
-        started, cpu_before = time.monotonic(), _tree_cpu_s(os.getpid())
+        started, cpu_before = time.monotonic(), cpu_of_tree_s(os.getpid())
         with _demo(environment) as address:
             at_address = time.monotonic() - started
             page.goto(address)
             page.wait_for_function(_MOVES, timeout=_HANG_MS)
             at_progress = time.monotonic() - started
             page.wait_for_function("() => globalThis.farside?.seen > 0", timeout=_HANG_MS)
-            at_picture, cpu = time.monotonic() - started, _tree_cpu_s(os.getpid()) - cpu_before
+            at_picture, cpu = time.monotonic() - started, cpu_of_tree_s(os.getpid()) - cpu_before
             _wait_for_all(address, cache)
         window.close()
     return Startup(at_address, at_progress, at_picture, cpu)
@@ -118,24 +118,6 @@ def _demo(environment: Mapping[str, str]) -> Iterator[str]:
     finally:
         process.send_signal(signal.SIGINT)
         process.communicate()
-
-
-def _tree_cpu_s(process: int) -> float:
-    """CPU seconds of a process and of all below it, those that have ended included (Linux' /proc)."""
-    total, ticks = 0.0, os.sysconf("SC_CLK_TCK")
-    parents: dict[int, list[int]] = {}
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):
-            fields = path.read_text().rpartition(")")[2].split()
-            parents.setdefault(int(fields[1]), []).append(int(path.parent.name))
-    left = [process]
-    while left:
-        each = left.pop()
-        left += parents.get(each, [])
-        with contextlib.suppress(OSError):
-            fields = Path(f"/proc/{each}/stat").read_text().rpartition(")")[2].split()
-            total += sum(map(int, fields[11:15])) / ticks
-    return total
 
 
 def _wait_for_all(address: str, cache: Path) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
-__all__ = ["SHIPPED", "base_folder", "bases", "digest", "tell_once"]
+__all__ = ["SHIPPED", "base_folder", "bases", "digest", "tell_once", "user_cache"]
 
 _KEPT_S = 30 * 24 * 3600.0  # a folder that no run has used for this long is removed
 _TOLD = "_FARSIDE_TOLD_THAT_NO_KERNELS_ARE_KEPT"
@@ -59,8 +59,7 @@ def _imported(source: Path) -> frozenset[Path]:
 def base_folder() -> Path | None:
     """The folder below which kernels are kept; None if none is writable, which is said on the error output.
 
-    $NUMBA_CACHE_DIR, if that is set and writable, otherwise `farside/kernels` in the user's cache folder:
-    $XDG_CACHE_HOME, or .cache in the home folder.
+    $NUMBA_CACHE_DIR, if that is set and writable, otherwise `kernels` in `user_cache`.
     """
     for base in bases():
         with contextlib.suppress(OSError):
@@ -79,7 +78,13 @@ def bases() -> Iterator[Path]:
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
         yield Path(chosen)
     with contextlib.suppress(RuntimeError):  # there is no home
-        yield Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "farside" / "kernels"
+        yield user_cache() / "kernels"
+
+
+def user_cache() -> Path:
+    """The program's folder in the user's cache: in $XDG_CACHE_HOME, or in .cache in the home folder. Raises
+    RuntimeError where there is no home."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "farside"
 
 
 def tell_once(what: str) -> None:

@@ -7,7 +7,7 @@ import math
 import os
 
 import pytest
-from farside.clients.bench import live, live_run
+from farside.clients.bench import live, processes
 from farside.clients.bench.live_run import measure_live
 from farside.engine.synth import write_twin
 
@@ -80,8 +80,8 @@ def test_a_pause_is_what_an_update_adds_to_a_picture(figures):
 
 
 def test_memory_that_processes_share_is_counted_once():
-    own = live_run.Usage.of(os.getpid())
-    twice = live_run.Usage.of(os.getpid(), os.getpid())
+    own = processes.Usage.of(os.getpid())
+    twice = processes.Usage.of(os.getpid(), os.getpid())
     assert own.cpu_s > 0
     shared = 2 * own.resident_mb - twice.resident_mb
     assert 0 <= shared < own.resident_mb

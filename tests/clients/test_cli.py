@@ -153,3 +153,19 @@ def test_compare_of_different_numbers_of_frames_names_both(tmp_path: Path) -> No
     done = CliRunner().invoke(app, ["compare", *files, "--size", "8x8", "--format", "yuv420p"])
     assert str(done.exception) == "frames: a.yuv has 2, b.yuv has 1: expected the same number"
     assert re.findall(r"^ +(\d+) ", done.stdout, re.MULTILINE) == ["0"]
+
+
+def test_a_user_without_home_is_told_what_the_demo_needs() -> None:
+    """As the system answers for a user whom it does not know."""
+    code = (
+        "import pwd, sys; from pathlib import Path\n"
+        "def unknown(number): raise KeyError(number)\n"
+        "pwd.getpwuid = unknown\n"
+        "sys.argv = ['farside', 'demo', '--port', '0']\n"
+        "from farside.clients.cli import main; main()\n"
+    )
+    environment = {name: value for name, value in os.environ.items() if name not in ("HOME", "XDG_CACHE_HOME")}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment)
+    assert done.returncode == 2, done.stderr
+    assert "--cache: this user has no home folder: expected a folder for the twin" in done.stderr
+    assert "Traceback" not in done.stderr

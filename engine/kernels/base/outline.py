@@ -82,8 +82,8 @@ class _Maker:
         self.loops: list[ast.FunctionDef] = []
         self._whole, self._share = whole, share
         arguments = whole.args
-        given = {a.arg for a in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)}
-        self._local = given | _names(whole.body, ast.Store)
+        self._given = {a.arg for a in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)}
+        self._local = self._given | _names(whole.body, ast.Store)
 
     def statement(self, statement: ast.stmt) -> list[ast.stmt]:
         """A statement, with the loops in it replaced."""
@@ -125,10 +125,9 @@ class _Maker:
 
     def _set_before(self, loop: ast.For) -> set[str]:
         """Names that have a value where the loop starts: arguments, and what is written above outside other loops."""
-        arguments = {argument.arg for argument in self._whole.args.args}
         loops = filter(_is_parallel, ast.walk(self._whole))
         inside = {id(node) for each in loops for node in ast.walk(each)}
-        return arguments | {
+        return self._given | {
             node.id
             for node in ast.walk(self._whole)
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
