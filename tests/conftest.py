@@ -12,11 +12,27 @@ from farside.engine.compiling.pool import Compiling
 _MANY = 1000  # tests: for fewer, kernels are compiled as they are met
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """With several processes (-n), before these start: they cannot say how far it is."""
+    config = session.config
+    whole = config.args_source == pytest.Config.ArgsSource.TESTPATHS and not config.option.keyword
+    if getattr(config.option, "numprocesses", None) and whole and not config.option.collectonly:
+        _compile_all(config)
+
+
 def pytest_collection_finish(session: pytest.Session) -> None:
+    """In one process, as soon as it is known that there are many tests."""
+    if _is_one_process(session.config) and len(session.items) >= _MANY and not session.config.option.collectonly:
+        _compile_all(session.config)
+
+
+def _is_one_process(config: pytest.Config) -> bool:
+    return not hasattr(config, "workerinput") and not getattr(config.option, "numprocesses", None)
+
+
+def _compile_all(config: pytest.Config) -> None:
     """Compile what is missing, and say every few seconds how far it is: otherwise nothing is seen for minutes."""
-    if len(session.items) < _MANY or session.config.option.collectonly:
-        return
-    capture = session.config.pluginmanager.getplugin("capturemanager")
+    capture = config.pluginmanager.getplugin("capturemanager")
     compiling, started = Compiling(USES), time.monotonic()
     with capture.global_and_fixture_disabled():
         try:
