@@ -1,8 +1,9 @@
 """Captures: the farthest surfaces that a reference camera has seen from one pose. Surfaces of the PBS refer to captures
 for their colours.
 
-A capture is not its camera: a camera that has moved (section 4.2) may begin a newer capture, while the surfaces from
-its older ones stay in the model with the colours of those captures.
+A capture is not its camera: a camera that has moved (section 4.2) begins a newer capture, while the surfaces from its
+older ones stay in the model with the colours of those captures. Of an older capture only the parts of pictures remain
+that its surfaces use (`older_captures`).
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ from ..kernels.background.captures import CAPTURE_SIZE, CB, CODES, CR, Y, sample
 from ..kernels.background.standing import FARTHEST
 from ..kernels.base.memory import address_of
 from ..rig.camera import Pose
+from ..rig.frame import Texture
 from ..support.array_types import F32, F64, I64, U16
 from .maximum_depth import MaximumDepthImage
 from .tolerances import Tolerances
 
-__all__ = ["Capture", "Captures", "Present"]
+__all__ = ["Capture", "Captures", "Present", "Remains"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,38 +46,98 @@ class Capture:
         """The camera's pose."""
         return self.image.camera.pose
 
+    @property
+    def memory(self) -> int:
+        """Bytes of its pictures."""
+        return self.image.memory
+
+    def table_row(self) -> list[int]:
+        """Its pictures as `kernels.background.captures` reads them."""
+        return self.image.table_row()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Remains:
+    """What is left of older captures of a reference camera: the parts of their pictures that surfaces use, side by side
+    in one picture.
+
+    number, camera: as in `Capture`. codes uint16 [h, w], texture: 10 bits, 4:2:0. edge: the step between codes that is
+    a depth edge; reach: pixels that are farther apart in a row or a column may belong to different parts.
+    """
+
+    number: int
+    camera: int
+    codes: U16
+    texture: Texture
+    edge: int
+    reach: int
+
+    @property
+    def memory(self) -> int:
+        """Bytes of its pictures."""
+        return sum(plane.nbytes for plane in (self.codes, self.texture.y, self.texture.cb, self.texture.cr))
+
+    def table_row(self) -> list[int]:
+        """Its pictures as `kernels.background.captures` reads them."""
+        planes = (self.texture.y, self.texture.cb, self.texture.cr, self.codes)
+        height, width = self.codes.shape
+        return [*map(address_of, planes), width, height, 0, self.edge, self.reach]
+
 
 class Captures:
-    """All captures of a rig, in the order in which they began; each reference camera has one current capture.
+    """All captures of a rig, by number; each reference camera has one current capture.
 
-    table int64 [n, CAPTURE_SIZE]: the captures as `kernels.background.captures` reads them. No capture is ever dropped.
+    table int64 [n, CAPTURE_SIZE]: the captures as `kernels.background.captures` reads them; it is replaced, never
+    written to. The number of a capture that was dropped is given to a newer one.
     """
 
     def __init__(self) -> None:
         self.current: list[Capture] = []  # by reference camera
         self.table = np.zeros((0, CAPTURE_SIZE), np.int64)
-        self._all: list[Capture] = []
+        self._all: dict[int, Capture | Remains] = {}
 
     def __len__(self) -> int:
         return len(self._all)
 
-    def __iter__(self) -> Iterator[Capture]:
-        return iter(self._all)
+    def __iter__(self) -> Iterator[Capture | Remains]:
+        return iter([self._all[number] for number in sorted(self._all)])
 
-    def __getitem__(self, number: int) -> Capture:
+    def __getitem__(self, number: int) -> Capture | Remains:
         return self._all[number]
+
+    @property
+    def free(self) -> int:
+        """The number of the next capture: the least one that no capture has."""
+        return next(number for number in range(len(self._all) + 1) if number not in self._all)
 
     def add(self, camera: int, image: MaximumDepthImage, packed: F64) -> Capture:
         """Begins a capture, which becomes its camera's current one. The first captures of all cameras must be added in
         the order of the cameras, before any second one."""
-        capture = Capture(len(self._all), camera, image, np.array(packed))
-        self._all.append(capture)
+        capture = Capture(self.free, camera, image, np.array(packed))
+        self.put(capture)
         if camera == len(self.current):
             self.current.append(capture)
         else:
             self.current[camera] = capture
-        self.table = np.concatenate([self.table, np.array([image.table_row()], np.int64)])
         return capture
+
+    def put(self, capture: Capture | Remains) -> None:
+        """Takes in a capture under its number."""
+        self._all[capture.number] = capture
+        table = np.zeros((max(self._all) + 1, CAPTURE_SIZE), np.int64)
+        table[: len(self.table)] = self.table[: len(table)]
+        table[capture.number] = capture.table_row()
+        self.table = table
+
+    def drop(self, number: int) -> None:
+        """Removes a capture to which no surface refers; its memory is freed when nobody holds it any more."""
+        del self._all[number]
+
+    def snapshot(self) -> Captures:
+        """The captures as they are now, for readers in other threads: it keeps them alive."""
+        copy = Captures()
+        copy.current, copy.table, copy._all = list(self.current), self.table, dict(self._all)
+        return copy
 
     def planes(self, cameras: Sequence[int]) -> I64:  # [n, 4]
         """Addresses of the codes, y, cb and cr planes of the current captures of `cameras`."""
@@ -95,8 +157,8 @@ class Captures:
 
     @property
     def memory(self) -> int:
-        """Bytes of the images."""
-        return sum(capture.image.memory for capture in self._all)
+        """Bytes of the pictures."""
+        return sum(capture.memory for capture in self._all.values())
 
 
 @dataclass(frozen=True, slots=True)

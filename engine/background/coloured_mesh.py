@@ -14,7 +14,7 @@ def coloured_mesh(pbs: ProbableBackgroundSurface, captures: Captures, origin: F6
     """The valid triangles in the world, each vertex with the colour of its capture at that place; origin: the scene's,
     metres in the world. The arrays are copies; any thread may call this."""
     with pbs.lock:
-        parts = [(surface, surface.invalid == 0) for surface in pbs.surfaces()]
+        parts, captures = [(surface, surface.invalid == 0) for surface in pbs.surfaces()], captures.snapshot()
     return ColouredMesh.joined(
         [
             ColouredMesh(

@@ -15,6 +15,12 @@ There are two ways to cast these rays.
 Each camera owns one bit of every triangle's marks. In the camera's turn only this bit is renewed. With one group of
 cameras per frame, a triangle therefore stays until every camera has had its turn without finding it. A flagged triangle
 of the S-PBS stays flagged, as in the paper: rays no longer see it, so none can mark it again.
+
+A camera that moves (section 4.2) casts rays by triangle from where it is in its turn, and its marks are not renewed:
+elsewhere it may see something else behind a triangle, or not the triangle, while from the former place the triangle is
+background as before. A mark from there holds until a view sees past the triangle (`forget_seen_past`): then what the
+triangle showed has gone. Rays by pixel renew its marks of all triangles in its picture,
+as in the paper.
 """
 
 from __future__ import annotations
@@ -24,10 +30,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.prepared_view import PreparedView
 from ..kernels.background.culling import list_unmarked
+from ..kernels.background.seen_past import forget_in_picture, forget_seen_past
 from ..kernels.base.tolerance import Delta
 from ..settings import Settings
-from ..support.array_types import F64, I64
+from ..support.array_types import F64, I64, U64
 from .changed_directions import ChangedDirections
 from .pbs import ProbableBackgroundSurface, Surface
 from .reference_cameras import ReferenceCameras
@@ -71,24 +79,46 @@ class ForegroundCulling:
         different part of the triangles, so that their marks, and later turns, are of equal size."""
         for c in group:
             self.cast_version[c] = self._pbs.version
-            self.changed.forget(c, list(self._pbs.surfaces()), delta)
+            if c in self._cameras.moving:
+                self.changed.cells[c] = 0.0  # its marks hold until a view sees past them
+            else:
+                self.changed.forget(c, list(self._pbs.surfaces()), delta)
             if self._stride:
-                report.rays += mark_pixels(self._pbs, c, self._cameras.packed[c], self._stride, delta)
+                moves, packed = c in self._cameras.moving, self._cameras.packed[c]
+                report.rays += mark_pixels(self._pbs, c, packed, self._stride, delta, moves=moves)
         unmarked = None
         if self._by_triangle:
-            order = [*group, *(c for c in self._cameras.fixed() if c not in group)]
+            order = [*group, *self._cameras.asked_after(group)]
             rays, unmarked = mark_missed(self._pbs, order, self._cameras.packed, delta, share=share)
             report.rays += rays
         report.culled += cull_unmarked(self._pbs, unmarked)
 
+    def forget_seen_past(self, view: PreparedView, delta: Delta) -> int:
+        """Removes the marks of cameras that move from triangles past which a view sees; returns their number."""
+        if not self._cameras.moving:
+            return 0
+        bits = _bits(self._pbs, sorted(self._cameras.moving))
+        codes = int(view.addresses(measured=True)[0])
+        return sum(
+            forget_seen_past(view.table_row, codes, surface.packed, surface.invalid, delta, bits, surface.marks)
+            for surface in self._pbs.surfaces()
+        )
 
-def mark_pixels(pbs: ProbableBackgroundSurface, camera: int, packed: F64, stride: int, delta: Delta) -> int:
+
+def mark_pixels(
+    pbs: ProbableBackgroundSurface, camera: int, packed: F64, stride: int, delta: Delta, *, moves: bool = False
+) -> int:
     """Renews a camera's marks by rays through its pixels, as in the paper; returns the number of rays.
 
     Two rays are cast for every stride-th pixel in both directions; each hit is followed by a complementary ray.
-    `packed`: the camera, float64 [CAMERA_SIZE].
+    `packed`: the camera, float64 [CAMERA_SIZE]. If it `moves`, its marks of triangles outside its picture stay.
     """
-    clear_marks(pbs, camera)
+    if moves:
+        bits = _bits(pbs, [camera])
+        for surface in pbs.surfaces():
+            forget_in_picture(packed, surface.packed, bits, surface.marks)
+    else:
+        clear_marks(pbs, camera)
     return pbs.tracer.mark_by_pixel(camera, packed, stride, delta)
 
 
@@ -127,6 +157,14 @@ def cull_unmarked(pbs: ProbableBackgroundSurface, unmarked: Sequence[Unmarked] |
         for surface, triangles in known:
             surface.invalid[triangles] = 1
     return sum(len(triangles) for _surface, triangles in known)
+
+
+def _bits(pbs: ProbableBackgroundSurface, cameras: Sequence[int]) -> U64:
+    """The bits of cameras in a triangle's marks, [words]."""
+    bits = np.zeros(pbs.words, np.uint64)
+    for c in cameras:
+        bits[c // 64] |= np.uint64(1 << (c % 64))
+    return bits
 
 
 def _list_unmarked(pbs: ProbableBackgroundSurface) -> list[Unmarked]:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..geometry.mesh import Mesh
-from ..kernels.background.flags import KEPT, mark_provisional
+from ..kernels.background.flags import KEPT, UPDATED, mark_provisional
 from ..kernels.background.fusion import fuse_maximum_depth, settle_points
 from ..kernels.background.maximum_depth import PHASES, TILE, update_maximum_depth
 from ..kernels.background.nontrivial import Rules, prepare_limits
@@ -123,10 +123,39 @@ class MaximumDepthImage:
         seen = sum(array.nbytes for array in (self.codes, *_planes(self.texture)))
         return seen + self.flags.nbytes + self.fused.nbytes
 
+    def suggest(self, which: npt.NDArray[np.uint8]) -> None:  # [h, w]
+        """Makes the pixels that have a depth and for which `which` is not 0 candidates for the P-PBS, as if they were
+        updated."""
+        self.flags |= np.where((which != 0) & (self.codes >= self._rules.lowest), np.uint8(UPDATED), np.uint8(0))
+        self.pending |= self._blocks_of(UPDATED)
+
+    def postpone(self) -> None:
+        """Makes the pixels that belong to the P-PBS candidates again."""
+        self.flags[self.flags & KEPT != 0] ^= np.uint8(KEPT | UPDATED)
+        self.pending |= self._blocks_of(UPDATED)
+
+    def settled_codes(self) -> npt.NDArray[np.uint16]:  # [h, w]
+        """The codes, but 0 for candidates for the P-PBS; other codes are at least 1."""
+        known = self.codes if self._rules.lowest else np.maximum(self.codes, np.uint16(1))
+        waiting = self.flags & UPDATED != 0
+        return np.where(waiting, np.uint16(0), known) if waiting.any() else known
+
+    def _blocks_of(self, bits: int) -> npt.NDArray[np.bool_]:
+        """The blocks in which a pixel has one of the flags `bits`."""
+        found = self.flags & np.uint8(bits) != 0
+        rows = np.logical_or.reduceat(found, np.arange(0, found.shape[0], BLOCK[0]), axis=0)
+        blocks: npt.NDArray[np.bool_] = np.logical_or.reduceat(rows, np.arange(0, found.shape[1], BLOCK[1]), axis=1)
+        return blocks
+
     @property
     def kept(self) -> npt.NDArray[np.uint8]:  # [h, w]
         """Not 0 where a pixel belongs to the P-PBS; a copy."""
         return self.flags & np.uint8(KEPT)
+
+    @property
+    def edge(self) -> int:
+        """The step between codes that is a depth edge."""
+        return self._edge
 
     @property
     def rounds(self) -> int:
@@ -142,7 +171,7 @@ class MaximumDepthImage:
     def table_row(self) -> list[int]:
         """The image as `kernels.background.captures` reads it."""
         addresses = [address_of(plane) for plane in (*_planes(self.texture), self.codes)]
-        return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), self._edge]
+        return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), self._edge, 0]
 
 
 @lru_cache(maxsize=1)

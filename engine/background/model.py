@@ -2,7 +2,8 @@
 
 This module holds the order of the steps; each step has a module of its own. First frame (3.3.2): `s_pbs` (with
 `coverage` and `new_triangles`), `culling`. Later frames (3.3.3): `maximum_depth`, `p_pbs` (with `triangle_filter`
-and `new_triangles`), `culling`. For each viewer (3.4.1): `pbi`.
+and `new_triangles`), `culling`. Cameras that move (4.2): `newly_visible`, `older_captures`. For each viewer (3.4.1):
+`pbi`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from ..rig.frame import Frame, View
 from ..support.array_types import F64
 from ..support.stages import timed
 from .capture import Capture
-from .culling import clear_marks
 from .maximum_depth import MaximumDepthImage
 from .parts import ModelParts
 from .ray_tracer import RayTracer
@@ -35,8 +35,9 @@ class BackgroundModel(ModelParts):
     background images.
 
     `update`, `state` and `render_pbi` are called by one thread at a time, `mesh`, `textured_mesh` and `counts` by any
-    thread. A camera that has moved since its capture began adds nothing more; its earlier triangles stay as long as
-    other cameras find them. tracer: the ray tracer; None: Embree.
+    thread. In its turn, a camera that has moved begins a new capture, and adds the surfaces in its view that are
+    farther than the PBS (section 4.2); what earlier captures have added stays, with their colours. tracer: the ray
+    tracer; None: Embree.
     """
 
     def update(self, frame: Frame, tones: F64 | None = None) -> UpdateReport:
@@ -94,22 +95,27 @@ class BackgroundModel(ModelParts):
 
     def _progress(self, frame: Frame, tones: F64) -> UpdateReport:
         """A later frame (section 3.3.3)."""
-        retired = self._rig.note_moved(frame)
-        for c in retired:
-            clear_marks(self._pbs, c)
+        self._rig.note_moved(frame)
         self._waited = (self._waited + 1) % self.settings.update_interval
-        if self._waited and not retired:
+        if self._waited:
             return UpdateReport(frame.index, ())
         group = self._rig.next_group(self.settings.n_update)
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
         with timed(report.stages, "maximum_depth"):
             self._update_images(frame, tones, group, report)
+        forgotten = 0
         for c in group:
-            self._p_pbs.take_turn(self._captures.current[c], self.tolerances, report)
+            if c in self._rig.moved:
+                self._follow(c, frame.views[c], tones[c], report)
+            else:
+                self._p_pbs.take_turn(self._captures.current[c], self.tolerances, report)
+            with timed(report.stages, "culling"):
+                view = self._new_triangles.prepared(c, frame.views[c])
+                forgotten += self._culling.forget_seen_past(view, self.tolerances.delta)
         with timed(report.stages, "culling"):
             # Where no geometry has changed since a camera's last rays, they would find the same again.
             due = self._culling.due(group)
-            if due or retired:
+            if due or forgotten:
                 self._culling.cull(due, self.tolerances.delta, report)
         numbers = [self._captures.current[c].number for c in due]
         parts = [self._pbs.progressive[number] for number in numbers if number in self._pbs.progressive]
@@ -117,15 +123,26 @@ class BackgroundModel(ModelParts):
         return report
 
     def _update_images(self, frame: Frame, tones: F64, group: Sequence[int], report: UpdateReport) -> None:
-        """Updates the maximum depth images of all cameras that have not moved since their captures began."""
-        fixed = self._rig.fixed()
-        if self._tolerances.follow(frame, fixed):
+        """Updates the maximum depth images of all cameras that are where their captures began."""
+        still = self._rig.still()
+        if self._tolerances.follow(frame, still):
             self._captures.compare_by(self.tolerances)
-        for c in fixed:
+        for c in still:
             image = self._captures.current[c].image
             report.updated += image.update(frame.views[c], tones[c], whole=c in group)
             if self.tolerances.noise:
                 image.fuse(frame.views[c], tones[c])
+
+    def _follow(self, c: int, view: View, tone: F64, report: UpdateReport) -> None:
+        """The turn of a reference camera that has moved since its last turn (section 4.2)."""
+        before, version = self._captures.current[c], self._pbs.version
+        with timed(report.stages, "maximum_depth"):
+            capture = self.recapture(c, view, tone)
+        self._p_pbs.begin(capture, before, self.tolerances, report)
+        with timed(report.stages, "commit"):
+            self._older.retire(before)
+            if self._pbs.version != version:
+                self._pbs.commit()
 
     def _begin_capture(self, c: int, view: View, tone: F64) -> Capture:
         """Begins a new current capture of a camera with its first view."""

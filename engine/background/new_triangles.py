@@ -39,8 +39,11 @@ class NewTriangles:
 
     def table(self, views: Sequence[View]) -> ViewTable:
         """The reference cameras' views as kernels read them, with these bounds."""
-        prepared = zip(views, self.options, strict=True)
-        return ViewTable([PreparedView(view, options, self._origin) for view, options in prepared])
+        return ViewTable([self.prepared(index, view) for index, view in enumerate(views)])
+
+    def prepared(self, index: int, view: View) -> PreparedView:
+        """A view of reference camera `index`, with its bounds."""
+        return PreparedView(view, self.options[index], self._origin)
 
     def tolerance(self, cameras: Sequence[Camera]) -> float:
         """The largest error of the triangles' depth, as disparity, 1/m."""

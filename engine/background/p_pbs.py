@@ -22,12 +22,16 @@ from .capture import Capture
 from .changed_directions import ChangedDirections
 from .maximum_depth import BLOCK
 from .new_triangles import NewTriangles
+from .newly_visible import newly_visible
 from .pbs import ProbableBackgroundSurface, Surface
 from .report import UpdateReport
 from .tolerances import Tolerances
 from .triangle_filter import filter_updated
 
 __all__ = ["ProgressiveUpdate"]
+
+# A share of the picture: fewer newly visible pixels do not make a capture that has to be kept.
+_FEW = 2e-3
 
 
 class ProgressiveUpdate:
@@ -67,6 +71,25 @@ class ProgressiveUpdate:
         if self._pbs.version != version:
             with timed(report.stages, "commit"):  # before the next camera's rays
                 self._pbs.commit()
+
+    def begin(self, capture: Capture, before: Capture, tolerances: Tolerances, report: UpdateReport) -> None:
+        """The first turn of a capture of a camera that has moved since its capture `before` (section 4.2): pixels that
+        show what `before` did not are filtered by rays, and those farther than the PBS become the capture's part of the
+        P-PBS. If they are few, they wait for the camera's next turn. Needs `pbs.commit` after."""
+        image = capture.image
+        self.rounds[capture.camera] = 1
+        with timed(report.stages, "filter"):
+            image.suggest(newly_visible(capture, before, tolerances.delta))
+            filter_updated(self._pbs.tracer, capture, tolerances.delta, self._neighbours, report)
+            kept = image.kept
+            if np.count_nonzero(kept) < _FEW * kept.size:
+                image.postpone()
+                return
+        with timed(report.stages, "triangulate"):
+            mesh = self._new_triangles.derive(capture.camera, image.camera, image.codes, kept)
+            surface = self._pbs.set_progressive(capture.number, capture.camera, mesh)
+            self._changed.add(surface, np.arange(len(mesh.triangles)))
+            report.added += len(mesh.triangles)
 
     @contextmanager
     def _painted(self, capture: Capture, before: Surface | None) -> Iterator[I32]:  # [h, w]

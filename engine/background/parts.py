@@ -13,10 +13,11 @@ from ..rig.camera import Camera
 from ..rig.frame import Frame
 from ..settings import Settings
 from ..support.array_types import I64, U8
-from .capture import Capture, Captures, Present
+from .capture import Capture, Captures, Present, Remains
 from .coloured_mesh import coloured_mesh
 from .culling import ForegroundCulling
 from .new_triangles import NewTriangles
+from .older_captures import OlderCaptures
 from .p_pbs import ProgressiveUpdate
 from .pbi import BackgroundImage, render_pbi
 from .pbs import ProbableBackgroundSurface
@@ -48,6 +49,7 @@ class ModelParts:
         self._culling = ForegroundCulling(self._pbs, self._rig, settings)
         changed = self._culling.changed
         self._p_pbs = ProgressiveUpdate(self._pbs, self._new_triangles, changed, settings, len(self._rig))
+        self._older = OlderCaptures(self._pbs, self._captures)
         self._waited = 0  # frames skipped since the last update
 
     @property
@@ -56,8 +58,8 @@ class ModelParts:
         return self._rig.cameras
 
     @property
-    def captures(self) -> tuple[Capture, ...]:
-        """All captures, current and older ones: the origins of surfaces."""
+    def captures(self) -> tuple[Capture | Remains, ...]:
+        """All captures, current ones and what is left of older ones: the origins of surfaces."""
         return tuple(self._captures)
 
     @property
@@ -78,8 +80,8 @@ class ModelParts:
     def images(self, frame: Frame) -> tuple[list[int], I64]:
         """The cameras [k] whose pose in a frame is that of their current capture, and the addresses [k, 4] of these
         captures' codes, y, cb and cr planes (colours in the model's common tone)."""
-        fixed = self._rig.fixed_in(frame) if len(self._captures) else []
-        return (fixed, self._captures.planes(fixed)) if fixed else ([], np.empty((0, 4), np.int64))
+        still = self._rig.still_in(frame) if len(self._captures) else []
+        return (still, self._captures.planes(still)) if still else ([], np.empty((0, 4), np.int64))
 
     def counts(self) -> dict[str, int]:
         """Triangles: s_pbs (all of the S-PBS), s_pbs_valid (those not culled), p_pbs (valid ones)."""
@@ -94,7 +96,7 @@ class ModelParts:
         }  # fmt: skip
 
     def _present(self, views: ViewTable | None, near: float) -> Present:
-        return Present(near, views, {c: self._captures.current[c].image.codes for c in self._rig.fixed()})
+        return Present(near, views, {c: self._captures.current[c].image.codes for c in self._rig.still()})
 
     def render_pbi(
         self, camera: Camera, present: ViewTable | None = None, *, near: float = 0.0, sparse: bool = True,

@@ -53,6 +53,16 @@ class ProbableBackgroundSurface:
             self.version += 1
         return surface
 
+    def remove(self, capture: int) -> None:
+        """Removes a capture's surface from the P-PBS, if there is one."""
+        with self.lock:
+            old = self.progressive.pop(capture, None)
+            if old is not None:
+                none = old.mesh.only(np.zeros(len(old.invalid), bool))
+                empty = Surface.new(none, self.words, old.camera, capture)
+                self.tracer.set(self._geometry(capture, static=False), empty)
+                self.version += 1
+
     def move(self, capture: int, moved: Callable[[Mesh], F32]) -> None:
         """Moves the points of a capture's surfaces to `moved(mesh)` [n, 3]; flags and marks stay."""
         with self.lock:

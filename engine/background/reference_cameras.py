@@ -17,12 +17,16 @@ __all__ = ["ReferenceCameras"]
 
 class ReferenceCameras:
     """Cameras in the poses in which their current captures began; packed float64 [n, CAMERA_SIZE], relative to `origin`
-    (metres, world), is the same array for life."""
+    (metres, world), is the same array for life.
+
+    moved: the cameras that are elsewhere in the newest frame; moving: those that have moved in any frame so far.
+    """
 
     def __init__(self, cameras: Sequence[Camera], origin: F64) -> None:
         self.cameras = tuple(cameras)
         self.packed = np.zeros((len(self.cameras), CAMERA_SIZE))
-        self.moved: set[int] = set()  # since their current captures began
+        self.moved: set[int] = set()
+        self.moving: set[int] = set()
         self.next = 0  # whose turn comes first
         self._origin = origin
 
@@ -35,32 +39,36 @@ class ReferenceCameras:
         self.packed[:] = [camera.packed(self._origin) for camera in self.cameras]
 
     def place_one(self, index: int, camera: Camera) -> None:
-        """Sets one camera to its new pose; it no longer counts as moved."""
+        """Sets one camera to its new pose, in which it begins a capture."""
         self.cameras = (*self.cameras[:index], camera, *self.cameras[index + 1 :])
         self.packed[index] = camera.packed(self._origin)
         self.moved.discard(index)
+        self.moving.add(index)
 
-    def fixed(self) -> list[int]:
-        """The cameras that have not moved."""
+    def still(self) -> list[int]:
+        """The cameras that are in the newest frame where their current captures began."""
         return [c for c in range(len(self.cameras)) if c not in self.moved]
 
-    def fixed_in(self, frame: Frame) -> list[int]:
-        """The cameras that have not moved before, nor in this frame."""
-        return [c for c in self.fixed() if frame.views[c].camera.pose == self.cameras[c].pose]
+    def still_in(self, frame: Frame) -> list[int]:
+        """The cameras that are in this frame where their current captures began."""
+        return [c for c, camera in enumerate(self.cameras) if frame.views[c].camera.pose == camera.pose]
 
-    def note_moved(self, frame: Frame) -> set[int]:
-        """Notes and returns the cameras that have moved in this frame and not before."""
-        moved = set(self.fixed()) - set(self.fixed_in(frame))
-        self.moved |= moved
-        return moved
+    def note_moved(self, frame: Frame) -> None:
+        """Notes which cameras are elsewhere in the newest frame."""
+        self.moved = set(range(len(self.cameras))) - set(self.still_in(frame))
+        self.moving |= self.moved
+
+    def asked_after(self, group: Sequence[int]) -> list[int]:
+        """The cameras outside a group in the order in which they are asked for marks; moving ones come last, because
+        the marks of the others are renewed more often."""
+        others = [c for c in range(len(self.cameras)) if c not in group]
+        return sorted(others, key=lambda c: c in self.moving)
 
     def next_group(self, n_update: int) -> list[int]:
         """The cameras whose turn it is (n_rv^update of them); each has one turn per round."""
         count = len(self.cameras)
-        ahead = [c for k in range(count) if (c := (self.next + k) % count) not in self.moved]
-        group = ahead[:n_update]
-        if group:
-            self.next = (group[-1] + 1) % count
+        group = [(self.next + k) % count for k in range(min(n_update, count))]
+        self.next = (group[-1] + 1) % count
         return group
 
     def check_one(self, index: int, view: View) -> None:

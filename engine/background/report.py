@@ -12,14 +12,15 @@ __all__ = ["UpdateReport"]
 
 @dataclass(slots=True)
 class UpdateReport:
-    """One frame's update of the model. Numbers of pixels: updated, candidates, accepted; numbers of triangles: culled,
-    hidden (from the viewing space), s_pbs, s_pbs_valid, p_pbs."""
+    """One frame's update of the model. Numbers of pixels: updated, candidates, accepted; numbers of triangles: added
+    (by captures of cameras that have moved), culled, hidden (from the viewing space), s_pbs, s_pbs_valid, p_pbs."""
 
     frame_index: int
     group: tuple[str, ...]  # reference cameras whose part of the P-PBS had its turn
     updated: int = 0
     candidates: int = 0
     accepted: int = 0
+    added: int = 0
     rays: int = 0
     culled: int = 0
     hidden: int = 0

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 
+from ..rig.frame import Texture
 from ..settings import Settings
-from .capture import Capture
+from .capture import Capture, Remains
 from .maximum_depth import MaximumDepthImage
 from .parts import ModelParts
-from .state import VERSION, CameraState, CaptureState, ModelState, SceneState, SurfaceState, settings_state
+from .state import (
+    VERSION,
+    CameraState,
+    CaptureState,
+    ModelState,
+    RemainsState,
+    SceneState,
+    SurfaceState,
+    settings_state,
+)
 from .tolerances import Tolerances
 
 __all__ = ["put_back", "settings_of", "state_of"]
@@ -23,7 +33,8 @@ def state_of(model: ModelParts) -> ModelState:
         settings=settings_state(model.settings),
         scene=SceneState.of(model._scene),
         cameras=tuple(CameraState.of(camera) for camera in rig.cameras),
-        captures=tuple(_capture_state(capture) for capture in model._captures),
+        captures=tuple(_capture_state(each) for each in model._captures if isinstance(each, Capture)),
+        remains=tuple(_remains_state(each) for each in model._captures if isinstance(each, Remains)),
         current=tuple(capture.number for capture in model._captures.current),
         surfaces=(
             *(SurfaceState.of(surface, True) for surface in static),
@@ -34,6 +45,7 @@ def state_of(model: ModelParts) -> ModelState:
         frames=followed.frames,
         rounds=tuple(model._p_pbs.rounds),
         moved=tuple(sorted(rig.moved)),
+        moving=tuple(sorted(rig.moving)),
         next=rig.next,
         waited=model._waited,
         geometry=pbs.version,
@@ -51,11 +63,14 @@ def put_back(model: ModelParts, state: ModelState) -> None:
     """Puts a state into a model that has taken no frame yet and has the same cameras, settings and scene."""
     pbs, rig, followed = model._pbs, model._rig, model._tolerances
     rig.place([camera.camera() for camera in state.cameras])
-    rig.moved, rig.next, model._waited = set(state.moved), state.next, state.waited
-    for capture in state.captures:
-        image = MaximumDepthImage.from_state(capture.camera.camera(), capture)
-        model._captures.add(capture.index, image, image.camera.packed(model._origin))
-    model._captures.current = [model._captures[number] for number in state.current]
+    rig.moved, rig.moving = set(state.moved), set(state.moving)
+    rig.next, model._waited = state.next, state.waited
+    captures = {each.capture: _capture(each, model) for each in state.captures}
+    for capture in captures.values():
+        model._captures.put(capture)
+    for remains in state.remains:
+        model._captures.put(_remains(remains))
+    model._captures.current = [captures[number] for number in state.current]
     for surface in state.surfaces:
         pbs.put(surface.surface(), static=surface.static)
     pbs.commit()
@@ -69,4 +84,23 @@ def put_back(model: ModelParts, state: ModelState) -> None:
 
 def _capture_state(capture: Capture) -> CaptureState:
     image = capture.image
-    return CaptureState(index=capture.camera, camera=CameraState.of(image.camera), **image.state())
+    camera = CameraState.of(image.camera)
+    return CaptureState(capture=capture.number, index=capture.camera, camera=camera, **image.state())
+
+
+def _capture(state: CaptureState, model: ModelParts) -> Capture:
+    image = MaximumDepthImage.from_state(state.camera.camera(), state)
+    return Capture(state.capture, state.index, image, image.camera.packed(model._origin))
+
+
+def _remains_state(remains: Remains) -> RemainsState:
+    texture = remains.texture
+    y, cb, cr = (plane.copy() for plane in (texture.y, texture.cb, texture.cr))
+    return RemainsState(
+        remains.number, remains.camera, remains.codes.copy(), y, cb, cr, remains.edge, remains.reach
+    )  # fmt: skip
+
+
+def _remains(state: RemainsState) -> Remains:
+    texture = Texture(state.y.copy(), state.cb.copy(), state.cr.copy())
+    return Remains(state.capture, state.index, state.codes.copy(), texture, state.edge, state.reach)

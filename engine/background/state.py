@@ -18,9 +18,12 @@ from ..settings import Settings
 from ..support.array_types import B1, F32, F64, I32, I64, U8, U16, U64
 from .surface import Surface
 
-__all__ = ["VERSION", "CameraState", "CaptureState", "ModelState", "SceneState", "SurfaceState", "settings_state"]
+__all__ = [
+    "VERSION", "CameraState", "CaptureState", "ModelState", "RemainsState", "SceneState", "SurfaceState",
+    "settings_state",
+]  # fmt: skip
 
-VERSION = 1
+VERSION = 2
 
 Scalar = int | float | str | bool | tuple[float, ...] | None
 
@@ -76,10 +79,12 @@ class SceneState:
 
 @dataclass(frozen=True, slots=True)
 class CaptureState:
-    """A capture (`capture.Capture`): index of its reference camera, that camera in its pose, and its maximum depth
-    image (`maximum_depth.MaximumDepthImage`): planes and flags [h, w], chroma [(h + 1) // 2, (w + 1) // 2]; per block,
-    whether updates wait, and the numbers of updates; counters; and the rules of comparison."""
+    """A capture (`capture.Capture`): its number; index of its reference camera, that camera in its pose, and its
+    maximum depth image (`maximum_depth.MaximumDepthImage`): planes and flags [h, w], chroma [(h + 1) // 2,
+    (w + 1) // 2]; per block, whether updates wait, and the numbers of updates; counters; and the rules of
+    comparison."""
 
+    capture: int
     index: int
     camera: CameraState
     codes: U16
@@ -97,6 +102,20 @@ class CaptureState:
     refine: bool
     margin_m: float
     margin_disparity: float
+
+
+@dataclass(frozen=True, slots=True)
+class RemainsState:
+    """What is left of older captures (`capture.Remains`)."""
+
+    capture: int
+    index: int
+    codes: U16
+    y: U16
+    cb: U16
+    cr: U16
+    edge: int
+    reach: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,11 +150,11 @@ class SurfaceState:
 class ModelState:
     """The state of a background model (`BackgroundModel.state`, `BackgroundModel.from_state`). It owns its arrays.
 
-    current: number of each reference camera's current capture. surfaces: in the order of the model. tolerances: the
-    fields of `tolerances.Tolerances` by name. first: samples of each camera's disparities in the first frame, 1/m.
-    frames: number of frames after the first; rounds: of fusion, by camera; moved, next, waited: see
-    `reference_cameras`, `parts`. geometry: the PBS' version; cast: the PBS' version at each camera's last culling rays;
-    changed float32 [n, rows, columns]: see `changed_directions`.
+    captures, remains: each in the order of their numbers. current: number of each reference camera's current capture.
+    surfaces: in the order of the model. tolerances: the fields of `tolerances.Tolerances` by name. first: samples of
+    each camera's disparities in the first frame, 1/m. frames: number of frames after the first; rounds: of fusion, by
+    camera; moved, moving, next, waited: see `reference_cameras`, `parts`. geometry: the PBS' version; cast: the
+    PBS' version at each camera's last culling rays; changed float32 [n, rows, columns]: see `changed_directions`.
     """
 
     version: int
@@ -143,6 +162,7 @@ class ModelState:
     scene: SceneState
     cameras: tuple[CameraState, ...]
     captures: tuple[CaptureState, ...]
+    remains: tuple[RemainsState, ...]
     current: tuple[int, ...]
     surfaces: tuple[SurfaceState, ...]
     tolerances: tuple[tuple[str, float], ...]
@@ -150,6 +170,7 @@ class ModelState:
     frames: int
     rounds: tuple[int, ...]
     moved: tuple[int, ...]
+    moving: tuple[int, ...]
     next: int
     waited: int
     geometry: int

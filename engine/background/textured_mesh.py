@@ -24,7 +24,7 @@ def textured_mesh(pbs: ProbableBackgroundSurface, captures: Captures, origin: F6
     """The valid triangles in the world, with the parts of their captures' pictures that they use; origin: the scene's,
     metres in the world. The arrays are copies; any thread may call this."""
     with pbs.lock:
-        valid = [(surface, surface.invalid == 0) for surface in pbs.surfaces()]
+        valid, captures = [(surface, surface.invalid == 0) for surface in pbs.surfaces()], captures.snapshot()
     triangles = _Triangles.of(valid)
     parts, numbers = _parts(triangles)
     pages = arrange(parts)

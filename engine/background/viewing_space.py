@@ -74,7 +74,7 @@ def flag_hidden(
     present: Present, delta: Delta, report: UpdateReport,
 ) -> None:  # fmt: skip
     """Flags triangles of surfaces as invalid if other background hides them from the whole space, and reports them.
-    captures: the captures that the surfaces stem from.
+    The surfaces stem from the current `captures` of their cameras.
 
     A triangle stays if one of the space's eyes sees (see `capture.Present`) one of its sample points, or a surface less
     than delta before that point; so do all triangles within CELL to 2 CELL pixels of it in its picture.
@@ -86,7 +86,7 @@ def flag_hidden(
     """
     eyes, found = space.eyes(), []
     for surface in surfaces:
-        camera = captures[surface.capture].image.camera
+        camera = captures.current[surface.camera].image.camera
         seen = np.zeros(len(surface.invalid), np.uint8)
         wraps = camera.wraps
         cells = np.zeros((math.ceil(camera.height / CELL), math.ceil(camera.width / CELL)), np.uint8)

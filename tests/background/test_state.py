@@ -152,3 +152,24 @@ def test_a_state_of_another_version_is_refused(version):
     assert isinstance(state, ModelState)
     with pytest.raises(ValueError, match=f"model state: version {version}: expected {VERSION}"):
         BackgroundModel.from_state(state)
+
+
+def test_what_is_left_of_older_captures_is_put_back_as_well():
+    cameras, settings = camera_row(), Settings(n_init=1, n_update=2)
+    walks = [dataclasses.replace(cameras[0], pose=Pose((0.0, -0.4 - 0.1 * index, 0.0))) for index in range(FRAMES)]
+    frames = [frame(index, [walks[index], *cameras[1:]], box_y=PATH[index]) for index in range(FRAMES)]
+    model = BackgroundModel(cameras, settings, Scene.of(cameras, settings, frames[0]))
+    for one in frames[:HALF_WAY]:
+        model.update(one)
+    state = model.state()
+    assert state.remains
+    assert state.moving == (0,)
+    other = BackgroundModel.from_state(state)
+    assert_same(everything(other, frames[HALF_WAY - 1]), everything(model, frames[HALF_WAY - 1]))
+    added = 0
+    for one in frames[HALF_WAY:]:
+        report = model.update(one)
+        assert without_times(other.update(one)) == without_times(report)
+        added += report.added
+    assert added > 0
+    assert_same(everything(other, frames[-1]), everything(model, frames[-1]))

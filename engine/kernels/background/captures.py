@@ -14,12 +14,14 @@ from ..base.jit import inlined, parallel, serial
 from ..base.memory import load_u16
 
 __all__ = [
-    "CAPTURE_SIZE", "CB", "CODES", "CR", "EDGE", "HEIGHT", "WIDTH", "WRAPS", "Y", "chroma_at", "luma_at",
+    "CAPTURE_SIZE", "CB", "CODES", "CR", "EDGE", "HEIGHT", "REACH", "WIDTH", "WRAPS", "Y", "chroma_at", "luma_at",
     "sample_colours",
 ]  # fmt: skip
 
-Y, CB, CR, CODES, WIDTH, HEIGHT, WRAPS, EDGE = range(8)  # EDGE: the step between codes that is a depth edge
-CAPTURE_SIZE = 8
+# EDGE: the step between codes that is a depth edge. REACH: pixels that are farther apart in a row or a column may
+# belong to different parts of a picture that is made of parts; 0: the picture is whole.
+Y, CB, CR, CODES, WIDTH, HEIGHT, WRAPS, EDGE, REACH = range(9)
+CAPTURE_SIZE = 9
 
 
 @inlined

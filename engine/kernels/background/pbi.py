@@ -14,7 +14,7 @@ from ..base.jit import inlined, parallel, serial
 from ..base.memory import load_f32, load_u32
 from ..base.project import unproject_point
 from ..base.tolerance import Delta
-from .captures import WIDTH, chroma_at, luma_at
+from .captures import REACH, WIDTH, chroma_at, luma_at
 from .picture import Picture
 from .rays import Tracer, farthest_hit
 from .standing import Present, standing_hit
@@ -84,16 +84,27 @@ def _cast(
     return rays
 
 
+@inlined
+def _beside(captures: I64, hits: F64, a: int, b: int) -> bool:
+    """Whether two hits of one capture lie in one part of its picture, and not on both sides of a seam."""
+    capture = int(hits[a, _CAPTURE])
+    across, down = abs(hits[a, _U] - hits[b, _U]), abs(hits[a, _V] - hits[b, _V])
+    reach = captures[capture, REACH]
+    if reach > 0:
+        return across < reach and down < reach
+    return not across > 0.5 * captures[capture, WIDTH]
+
+
 @serial
 def _on_plane(tables: Tables, camera: F64, hits: F64, a: int, b: int, x: int, y: int) -> bool:
     """Whether hits[b], of pixel (x, y), lies on the plane of hits[a]'s triangle, and both have nearby colours."""
-    if (
-        hits[a, _CAPTURE] != hits[b, _CAPTURE]
-        or hits[a, _CAPTURE] < 0.0
-        or abs(hits[a, _U] - hits[b, _U]) > 0.5 * tables.captures[int(hits[a, _CAPTURE]), WIDTH]
-    ):
+    if hits[a, _CAPTURE] != hits[b, _CAPTURE] or hits[a, _CAPTURE] < 0.0:
         return False
-    if hits[a, _PRIMITIVE] == hits[b, _PRIMITIVE] and hits[a, _GEOMETRY] == hits[b, _GEOMETRY]:
+    same = hits[a, _PRIMITIVE] == hits[b, _PRIMITIVE] and hits[a, _GEOMETRY] == hits[b, _GEOMETRY]
+    whole = tables.captures[int(hits[a, _CAPTURE]), REACH] == 0
+    if (whole or not same) and not _beside(tables.captures, hits, a, b):
+        return False
+    if same:
         return True
     surface = tables.surfaces[int(hits[a, _GEOMETRY])]
     p, q, r = _corners(surface, int(hits[a, _PRIMITIVE]))
@@ -122,7 +133,7 @@ def _colour(captures: I64, hits: F64, y: U16, pair: int, column: int) -> tuple[f
             continue
         y[row, x] = int(luma_at(captures[int(hits[k, _CAPTURE])], hits[k, _U], hits[k, _V]) + 0.5)
         u, v, count = u + hits[k, _U], v + hits[k, _V], count + 1
-        one &= hits[k, _CAPTURE] == hits[0, _CAPTURE] and abs(hits[k, _U] - hits[0, _U]) < 0.5 * captures[0, WIDTH]
+        one &= hits[k, _CAPTURE] == hits[0, _CAPTURE] and _beside(captures, hits, k, 0)
     if count == 0:
         return 512.0, 512.0
     if one:
