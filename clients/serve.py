@@ -97,6 +97,9 @@ def command(
     ] = None,
     jpeg_quality: Annotated[int | None, typer.Option(help="1 to 100.")] = None,
     background: Annotated[bool | None, typer.Option(help="Build and render the background model.")] = None,
+    draw_moving: Annotated[
+        bool | None, typer.Option(help="Draw the views of moving cameras, too; else they only update the model.")
+    ] = None,
     viewing_space: Annotated[
         tuple[float, float, float, float] | None,
         typer.Option(
@@ -124,7 +127,7 @@ def command(
         allowed_origins=_joined(allow_origin), ssl_certfile=ssl_certfile, ssl_keyfile=ssl_keyfile,
         quality=quality, views=views, init=init, update=update,
         update_interval=update_interval, output_scale=output_scale, jpeg_quality=jpeg_quality, background=background,
-        viewing_space=viewing_space, target_fps=target_fps, longest_update_s=longest_update_s,
+        draw_moving=draw_moving, viewing_space=viewing_space, target_fps=target_fps, longest_update_s=longest_update_s,
         max_viewers=max_viewers, log_level=log_level,
     )  # fmt: skip
     stop_within(settings)

@@ -32,6 +32,9 @@ class Settings:
     n_update: int = 1  # views that update the P-PBS per frame (n_rv^update)
     update_interval: int = 1  # the model is updated once in this number of video frames; pictures show every frame
     background: bool = True  # keep and render the background model
+    # Draw the views of reference cameras that move, too. If False, they only update the model (section 4.2), unless all
+    # cameras move.
+    draw_moving: bool = True
     fill: str = "structure"  # remaining holes: grey (none), blurred (smooth), their rims continued inwards (structure)
     settles: bool = True  # the filling of a hole stays the same while the head is still
     tolerance_px: float = 0.25  # error bound of triangulation, reprojected pixels; 0: two triangles per pixel
@@ -141,10 +144,11 @@ class Settings:
     def paper(cls) -> Settings:
         """The published algorithm with its constants, without our additions.
 
-        n_render, n_init, n_update: 5, 6 and 1 (section 4.1). delta_m: "the threshold delta, used in the foreground
-        culling process, was set to 0.2" (4.1), at all depths. The paper names no other length, so margin_m ("only
-        if the new depth is farther by a nontrivial amount", 3.3.3) is delta too. backdrop_m: None, delta ("moved
-        slightly backward", 3.4.2). tolerance_px, max_block_px: "each pixel is responsible for two triangles" (Fig. 4).
+        n_render, n_init, n_update: 5, 6 and 1 (section 4.1). draw_moving: "views from the moving camera were used only
+        for the P-PBS update" (4.2). delta_m: "the threshold delta, used in the foreground culling process, was set to
+        0.2" (4.1), at all depths. The paper names no other length, so margin_m ("only if the new depth is farther by a
+        nontrivial amount", 3.3.3) is delta too. backdrop_m: None, delta ("moved slightly backward",
+        3.4.2). tolerance_px, max_block_px: "each pixel is responsible for two triangles" (Fig. 4).
         rims, model_rims: "invalid, long and thin, back-projected triangles along the borders of objects are culled"
         (Fig. 4), and nothing takes their place. The paper does not say which depth step is an edge (edge_px).
         culling_stride: "casting two rays through each pixel of their view planes"; rays_by_triangle: "all triangles
@@ -165,8 +169,8 @@ class Settings:
         one plane, and has no rays where the selected views already cover the picture.
         """
         return cls(
-            n_render=5, n_init=6, n_update=1, delta_m=0.2, delta_disparity=0.0, margin_m=0.2, tolerance_px=0.0,
-            max_block_px=1, rims=False, model_rims=False, culling_stride=1, rays_by_triangle=False,
+            n_render=5, n_init=6, n_update=1, draw_moving=False, delta_m=0.2, delta_disparity=0.0, margin_m=0.2,
+            tolerance_px=0.0, max_block_px=1, rims=False, model_rims=False, culling_stride=1, rays_by_triangle=False,
             filter_neighbours=0, refine=False, backdrop="farthest", overdraw=True, ghost_test=False, pbi_scale=1.0,
             fill="smooth", settles=False, blend=1, completion=False, exposure_s=0.0, antialias="none", cubic=False,
             prefilter=False,

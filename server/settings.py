@@ -104,6 +104,7 @@ class ServerSettings(BaseModel):
     update_interval: Annotated[int | None, _count(1, "a number of frames, 1 or more")] = None
     output_scale: Annotated[float | None, Field(ge=0.05, le=4.0, description="a factor from 0.05 to 4")] = None
     background: Annotated[bool, Field(description="true or false")] = True
+    draw_moving: Annotated[bool | None, Field(description="true or false")] = None  # views of cameras that move
     viewing_space: Annotated[_Ball, Field(description="x, y, z and a radius of 0 or more, metres")] = None
     jpeg_quality: Annotated[int | None, _count(1, "a number from 1 to 100", 100)] = None
     target_fps: Annotated[
@@ -183,6 +184,7 @@ class ServerSettings(BaseModel):
             "output_scale": self.output_scale,
             "jpeg_quality": self.jpeg_quality,
             "background": self.background,
+            "draw_moving": self.draw_moving,
             "viewing_space": self.viewing_space,
         }
         return {name: value for name, value in given.items() if value is not None}

@@ -23,6 +23,7 @@ from ..settings import Settings
 from ..support.array_types import F64
 from ..support.stages import Stages, timed
 from .front_buffer import FrontBuffer
+from .moving_views import MovingViews
 from .viewpoint import Look, Viewer, head_camera, scaled, selected
 
 __all__ = ["BackEnd", "BackEndReport"]
@@ -58,6 +59,7 @@ class BackEnd:
         self._cameras, self._renderer = tuple(cameras), renderer
         self._scene: Scene | None = None
         self._exposure: Exposure | None = None
+        self._moving = MovingViews()
         self._triangulators = [Triangulator() for _ in self._cameras]
 
     def update(
@@ -75,7 +77,9 @@ class BackEnd:
             self._scene = Scene.of([view.camera for view in frame.views], settings, frame)
         scene = self._scene
         views = self._reference_views(frame, scene, settings)
-        content = FrameContent(scene, views, ViewTable(views), {}, None)
+        self._moving.note(frame)
+        drawn = self._moving.drawn(moving=settings.draw_moving)
+        content = FrameContent(scene, views, ViewTable(views), {}, None, drawn)
         followed = settings if self.modelling else dataclasses.replace(settings, exposure_s=0.0, background=False)
         with timed(stages, "exposure"):
             tones = self._follow_exposure(frame, content.present, scene, followed)
@@ -178,4 +182,4 @@ class BackEnd:
 
     @staticmethod
     def _selected(viewer: Viewer, content: FrameContent, settings: Settings) -> list[int]:
-        return selected(viewer, [view.view.camera for view in content.views], content.scene, settings)
+        return selected(viewer, [view.view.camera for view in content.views], content.drawn, content.scene, settings)

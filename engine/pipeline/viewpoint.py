@@ -24,10 +24,14 @@ def head_camera(viewer: Viewer, scene: Scene) -> Camera:
     return viewer if isinstance(viewer, Camera) else Camera("head", viewer.left, viewer.pose, scene.coding)
 
 
-def selected(viewer: Viewer, cameras: Sequence[Camera], scene: Scene, settings: Settings) -> list[int]:
-    """Indices of the n_render reference views for a viewer (section 3.1), the most useful first."""
+def selected(
+    viewer: Viewer, cameras: Sequence[Camera], drawn: Sequence[int], scene: Scene, settings: Settings
+) -> list[int]:
+    """Indices of the n_render reference views for a viewer (section 3.1), of those that may be drawn, the most useful
+    first."""
     target = head_camera(viewer, scene)
-    return select_views(target, cameras, settings.n_render, scene.depths_for(target))
+    chosen = select_views(target, [cameras[k] for k in drawn], settings.n_render, scene.depths_for(target))
+    return [drawn[k] for k in chosen]
 
 
 def scaled(viewer: V, settings: Settings) -> V:

@@ -30,6 +30,7 @@ class FrameContent:
     views: the reference views, in the order of the rig's cameras; present: the same, as kernels read them. pbis: the
     probable background image of each viewer (section 3.4.1), by the viewer's name. delta: the culling tolerance
     (section 3.3.2), metres and 1/m, by which the backdrop is moved backwards; None if there is no background model.
+    drawn: indices of the views that may be drawn.
     """
 
     scene: Scene
@@ -37,6 +38,7 @@ class FrameContent:
     present: ViewTable
     pbis: Mapping[str, PreparedView]
     delta: Delta | None
+    drawn: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
