@@ -16,6 +16,7 @@ from rich.progress import Progress
 from .address import token_of
 from .fetching import fetch
 from .kernels import compile_shown
+from .moving import Moving, pose_files
 from .replay import parse_sources
 from .trust import trust_file
 
@@ -35,6 +36,7 @@ def command(
     sources: Annotated[
         str | None, typer.Option(help="Sequences only: source views, like v0,v3 (default: all).")
     ] = None,
+    moving: Moving = None,
     quality: Annotated[str, typer.Option(help="Sequences only: fast, balanced, best or paper.")] = "balanced",
     token: Annotated[str, typer.Option(envvar="FARSIDE_TOKEN", help="The server's token.")] = "",
     ca_file: Annotated[
@@ -55,7 +57,7 @@ def command(
     if "://" in where:
         data = _of_server(where, suffix, colours, token_of(where, token), ca_file)
     else:
-        data = _of_sequence(Path(where), suffix, colours, frames, sources, quality)
+        data = _of_sequence(Path(where), suffix, colours, frames, sources, pose_files(moving), quality)
     mesh.write_bytes(data)
     print(f"{mesh}: {len(data)} bytes")
 
@@ -72,10 +74,11 @@ def _of_server(url: str, suffix: str, colours: str, token: str, ca_file: str) ->
 
 
 def _of_sequence(
-    path: Path, suffix: str, colours: str, frames: int | None, sources: str | None, quality: str
-) -> bytes:
+    path: Path, suffix: str, colours: str, frames: int | None, sources: str | None, moving: dict[str, Path],
+    quality: str,
+) -> bytes:  # fmt: skip
     settings = Settings.preset(quality)
-    sequence = open_recording(path)
+    sequence = open_recording(path, moving)
     names = parse_sources(sequence, sources)
     compile_shown([quality])
     count = min(frames or sequence.frame_count, sequence.frame_count)

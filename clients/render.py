@@ -28,6 +28,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from .kernels import compile_shown
+from .moving import Moving, pose_files
 
 __all__ = ["command"]
 
@@ -63,6 +64,10 @@ def command(
     ] = None,
     frames: Annotated[str | None, typer.Option(metavar="A:B", help="Output frames A to B - 1.")] = None,
     sources: Annotated[str | None, typer.Option(metavar="v0,v3,...", help="Use only these source views.")] = None,
+    moving: Moving = None,
+    draw_moving: Annotated[
+        bool | None, typer.Option(help="Draw the views of moving cameras, too; else they only update the model.")
+    ] = None,
     views: Annotated[int | None, typer.Option(help="Views warped for each picture (n_render).")] = None,
     init: Annotated[int | None, typer.Option(help="Views that build the S-PBS (n_init).")] = None,
     update: Annotated[int | None, typer.Option(help="Views that update the P-PBS in each frame (n_update).")] = None,
@@ -89,11 +94,11 @@ def command(
     ppm_masks: Annotated[bool, typer.Option(help="Also write pictures in which the holes are marked.")] = False,
 ) -> None:
     """Render virtual cameras or a head-pose trace from a sequence."""
-    opened = open_recording(sequence)
+    opened = open_recording(sequence, pose_files(moving))
     given = {
         "n_render": views, "n_init": init, "n_update": update, "tolerance_px": tolerance, "delta_m": delta,
         "viewing_space": viewing_space, "exposure_s": exposure, "update_interval": update_interval,
-        "output_scale": output_scale, "fill": None if fill else "none",
+        "output_scale": output_scale, "draw_moving": draw_moving, "fill": None if fill else "none",
     }  # fmt: skip
     changes = {name: value for name, value in given.items() if value is not None}
     settings = Settings.preset(quality, background=background, **changes)

@@ -25,6 +25,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from .address import token_of
 from .connection import Peer, connect, persist
+from .moving import Moving, pose_files
 from .trust import trust_file
 
 __all__ = ["Playback", "Replay", "command", "parse_sources"]
@@ -190,6 +191,7 @@ def command(
         int | None, typer.Option(min=1, help="Number of frames (default: all; without end with --loop).")
     ] = None,
     sources: Annotated[str | None, typer.Option(help="Source views, like v0,v3 (default: all).")] = None,
+    moving: Moving = None,
     every_frame: Annotated[
         bool, typer.Option("--every-frame", help="Wait for the server instead of skipping frames.")
     ] = False,
@@ -203,7 +205,7 @@ def command(
     patience: Annotated[float, typer.Option(help="Seconds to keep trying to connect.")] = 10.0,
 ) -> None:
     """Send a sequence to a live server, as a camera rig would."""
-    opened = open_recording(sequence)
+    opened = open_recording(sequence, pose_files(moving))
     if rate is not None and not 0.01 <= rate <= 1000:
         raise ValueError(f"--rate: {rate!r}: expected 0.01 to 1000 frames a second")
     playback = Playback(

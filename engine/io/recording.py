@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
 
 from ..rig.camera import Camera, Pose
 from ..rig.frame import Frame, Texture
+from .rgbd_folder import RgbdFolder, is_rgbd_folder
 from .tmiv import open_sequence
 
 __all__ = ["Playhead", "Recording", "ToAndFro", "open_recording", "playback_index"]
@@ -115,9 +116,15 @@ class ToAndFro:
         return self._index
 
 
-def open_recording(path: Path | str) -> Recording:
-    """Open a recording in any known format: today only TMIV's, a folder with a JSON, or that JSON.
+def open_recording(path: Path | str, moving: Mapping[str, Path] | None = None) -> Recording:
+    """Open a recording in any known format: TMIV's, a folder with a JSON, or that JSON; or a folder of pictures of one
+    hand-held RGB-D camera (`rgbd_folder`).
 
-    Raises ValueError (TmivError) with the first problem.
+    moving: pose files (`pose_trace.read_poses`) of cameras that move, by name; they go before those that the JSON
+    names. Raises ValueError (TmivError) with the first problem.
     """
-    return open_sequence(path)
+    if is_rgbd_folder(path):
+        if moving:
+            raise ValueError(f"moving camera: {next(iter(moving))!r}: expected none: {path} has its camera's poses")
+        return RgbdFolder(path)
+    return open_sequence(path, moving=moving)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -37,17 +37,21 @@ _log = logging.getLogger(__name__)
 class Sequence:
     """An opened sequence: a `Recording`. Files are mapped, so a view is read from disk only when it is used.
 
-    `cameras` holds every camera of the JSON, also virtual ones (`viewport`). Frame 0 is the first of the files.
+    `cameras` holds every camera of the JSON, also virtual ones (`viewport`). Frame 0 is the first of the files. moving:
+    see `open_sequence`.
     """
 
-    def __init__(self, folder: Path, description: Description) -> None:
+    def __init__(self, folder: Path, description: Description, moving: Mapping[str, Path] | None = None) -> None:
         self.folder = folder
         self.name, self.fps = description.name, description.fps
         self.frames_number = description.frames_number
         self._names = tuple(description.cameras)
         self.source_names = description.source_names
-        self._pose_files = description.pose_files
-        self._poses = {name: _poses(folder, name, file) for name, file in self._pose_files.items()}
+        given = {} if moving is None else {name: str(path) for name, path in moving.items()}
+        self._pose_files = {**description.pose_files, **given}  # of the JSON below the folder, given ones anywhere
+        self._poses = {
+            name: _poses(None if name in given else folder, name, file) for name, file in self._pose_files.items()
+        }
         self._videos: dict[tuple[str, Kind], RawVideo] = {}
         self.cameras = {name: self._with_file_bits(camera) for name, camera in description.cameras.items()}
 
@@ -174,15 +178,20 @@ def _a_frame(video: RawVideo) -> str:
     return f"{video.frame_bytes}, a frame of {video.width}x{video.height} {video.format.name}"
 
 
-def _poses(folder: Path, name: str, file: str) -> list[Pose]:
+def _poses(folder: Path | None, name: str, file: str) -> list[Pose]:
     try:
-        return read_poses(find_path(folder, file))
+        return read_poses(file if folder is None else find_path(folder, file))
     except (OSError, ValueError) as error:
         raise TmivError(f"camera {name}: Poses: {error}") from error
 
 
-def open_sequence(path: Path | str, *, growing: bool = False) -> Sequence:
+def open_sequence(
+    path: Path | str, *, growing: bool = False, moving: Mapping[str, Path] | None = None
+) -> Sequence:
     """Open a folder (or its JSON); raises TmivError with the first problem of the JSON.
+
+    moving: pose files of cameras that move, by name; they go before those that the JSON names. Raises TmivError for an
+    unknown camera, or a file that cannot be read.
 
     Frames that are left out because a file is short are logged as a warning, unless the files are `growing`. Files that
     are missing or empty are noticed when they are read; `tmiv_check` finds all problems at once.
@@ -192,7 +201,10 @@ def open_sequence(path: Path | str, *, growing: bool = False) -> Sequence:
     if problems:
         more = f" (and {len(problems) - 1} more problems)" if len(problems) > 1 else ""
         raise TmivError(f"{problems[0]}{more}")
-    sequence = Sequence(file.parent, description)
+    for name in moving or {}:
+        if name not in description.cameras:
+            raise TmivError(f"moving camera: {name!r}: expected one of {', '.join(description.cameras)}")
+    sequence = Sequence(file.parent, description, moving)
     with contextlib.suppress(TmivError):
         if not growing and (left_out := sequence.left_out()):
             _log.warning("%s: %s", file.parent, left_out)
