@@ -46,6 +46,9 @@ __all__ = [
 ]  # fmt: skip
 
 
+_LOOKED_AT = 1 << 18  # triangles of which marks may be forgotten in a camera's turn, so that its cost is bounded
+
+
 class Unmarked(NamedTuple):
     """The valid triangles of a surface that have no mark: their numbers int64 [n]."""
 
@@ -57,7 +60,8 @@ class ForegroundCulling:
     """Renews reference cameras' marks where geometry has changed, and flags triangles without any mark as invalid.
 
     The settings decide how rays are cast (see the module's docstring). changed: where geometry is new since each
-    camera's last rays; cast_version: the PBS' version at each camera's last rays.
+    camera's last rays; cast_version: the PBS' version at each camera's last rays; looks: how often each camera has
+    looked for triangles past which it sees.
     """
 
     def __init__(self, pbs: ProbableBackgroundSurface, cameras: ReferenceCameras, settings: Settings) -> None:
@@ -65,6 +69,7 @@ class ForegroundCulling:
         self._stride, self._by_triangle = settings.culling_stride, settings.rays_by_triangle
         self.changed = ChangedDirections(cameras.packed)
         self.cast_version = [-1] * len(cameras)
+        self.looks = [0] * len(cameras)
 
     def due(self, group: Sequence[int]) -> list[int]:
         """The cameras of a group whose rays may give another result than the last time."""
@@ -93,16 +98,23 @@ class ForegroundCulling:
             report.rays += rays
         report.culled += cull_unmarked(self._pbs, unmarked)
 
-    def forget_seen_past(self, view: PreparedView, delta: Delta) -> int:
-        """Removes the marks of cameras that move from triangles past which a view sees; returns their number."""
+    def forget_seen_past(self, camera: int, view: PreparedView, delta: Delta) -> int:
+        """Removes the marks of cameras that move from triangles past which a camera's view sees; returns their number.
+
+        If there are many triangles, it looks at a part of them, and at the next part in the camera's next turn."""
         if not self._cameras.moving:
             return 0
         bits = _bits(self._pbs, sorted(self._cameras.moving))
         codes = int(view.addresses(measured=True)[0])
-        return sum(
-            forget_seen_past(view.table_row, codes, surface.packed, surface.invalid, delta, bits, surface.marks)
-            for surface in self._pbs.surfaces()
-        )
+        surfaces, forgotten = list(self._pbs.surfaces()), 0
+        step = max(1, -(-sum(len(surface.invalid) for surface in surfaces) // _LOOKED_AT))
+        self.looks[camera] += 1
+        for surface in surfaces:
+            first = min(self.looks[camera] % step, len(surface.invalid))
+            forgotten += forget_seen_past(
+                view.table_row, codes, surface.packed, surface.invalid, delta, bits, first, step, surface.marks
+            )
+        return forgotten
 
 
 def mark_pixels(

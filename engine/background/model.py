@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..geometry.completion import trusted
 from ..kernels.base.tone import IDENTITY
 from ..rig.frame import Frame, View
 from ..support.array_types import F64
@@ -111,7 +112,7 @@ class BackgroundModel(ModelParts):
                 self._p_pbs.take_turn(self._captures.current[c], self.tolerances, report)
             with timed(report.stages, "culling"):
                 view = self._new_triangles.prepared(c, frame.views[c])
-                forgotten += self._culling.forget_seen_past(view, self.tolerances.delta)
+                forgotten += self._culling.forget_seen_past(c, view, self.tolerances.delta)
         with timed(report.stages, "culling"):
             # Where no geometry has changed since a camera's last rays, they would find the same again.
             due = self._culling.due(group)
@@ -137,6 +138,8 @@ class BackgroundModel(ModelParts):
         """The turn of a reference camera that has moved since its last turn (section 4.2)."""
         before, version = self._captures.current[c], self._pbs.version
         with timed(report.stages, "maximum_depth"):
+            if self.settings.completion:
+                view = trusted(view, self._new_triangles.options[c].edge)
             capture = self.recapture(c, view, tone)
         self._p_pbs.begin(capture, before, self.tolerances, report)
         with timed(report.stages, "commit"):

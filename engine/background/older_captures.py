@@ -17,7 +17,7 @@ from ..geometry.mesh import Mesh
 from ..kernels.background import parts as kernels
 from ..kernels.background.captures import EDGE
 from ..rig.frame import Texture
-from ..support.array_types import F32, I64
+from ..support.array_types import F32, I32, I64, U16
 from .capture import Capture, Captures, Remains
 from .pbs import ProbableBackgroundSurface, Surface
 
@@ -84,41 +84,49 @@ def condense(
     corners = np.concatenate([t + start for t, start in zip(triangles, starts[:-1], strict=True)])
     points = np.concatenate([surface.mesh.points for surface in surfaces])
     uv = np.concatenate([surface.mesh.uv for surface in surfaces])
-    source = np.repeat([surface.capture for surface in surfaces], [len(t) for t in triangles])
-    parts, of_triangle = _parts(uv[corners], source)
+    parts, part = _parts(uv, corners, np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]))
+    parts[:, kernels.SOURCE] = np.array([surface.capture for surface in surfaces])[parts[:, kernels.SOURCE]]
     width, height = _place(parts)
-    # A vertex of triangles with different parts lies at a place in each part.
-    used, renumbered = np.unique(of_triangle[:, None] * len(points) + corners, return_inverse=True)
-    part, vertex = np.divmod(used, len(points))
+    order, numbers, used = _renumbered(corners, part, len(parts), len(points))
     shift = parts[:, [kernels.COLUMN, kernels.ROW]] - parts[:, [kernels.LEFT, kernels.TOP]]
-    mesh = Mesh(
-        points[vertex], (uv[vertex] + shift[part]).astype(np.float32), renumbered.reshape(-1, 3).astype(np.int32)
-    )
+    moved = (uv[used[:, 1]] + shift[used[:, 0]]).astype(np.float32)
     marks = np.concatenate([surface.marks[surface.invalid == 0] for surface in surfaces])
-    made = Surface.new(mesh, marks.shape[1], camera, number)
-    made.marks[:] = marks
+    made = Surface.new(Mesh(points[used[:, 1]], moved, numbers), marks.shape[1], camera, number)
+    made.marks[:] = marks[order]
     texture, codes = _copied(parts, captures.table, width, height)
     edge = int(captures.table[surfaces[0].capture, EDGE])
     return Remains(number, camera, codes, texture, edge, 2 * _ROOM), made
 
 
-def _parts(uv: F32, source: I64) -> tuple[I64, I64]:
+def _parts(uv: F32, corners: I64, source: I64) -> tuple[I64, I64]:
     """The parts of pictures that triangles use, [n, PART_SIZE] without their new places, and the number [m] of each
-    triangle's part. uv [m, 3, 2]: of their corners; source [m]: their captures."""
-    blocks = (uv.mean(axis=1) // _BLOCK).astype(np.int64)
-    keys = np.stack([source, blocks[:, 1], blocks[:, 0]], axis=-1)
-    found, numbers = np.unique(keys, axis=0, return_inverse=True)
-    order = np.argsort(numbers := numbers.reshape(-1), kind="stable")
-    firsts = np.searchsorted(numbers[order], np.arange(len(found)))
-    low = np.minimum.reduceat(uv.min(axis=1)[order], firsts)
-    high = np.maximum.reduceat(uv.max(axis=1)[order], firsts)
-    begin = (np.floor(low - 0.5).astype(np.int64) - _ROOM) // 2 * 2
-    end = -(-(np.ceil(high - 0.5).astype(np.int64) + _ROOM + 1) // 2) * 2
+    triangle's part. uv [vertices, 2]; corners [m, 3]; source [m]: number of the triangle's picture, from 0 on."""
+    low, high = (np.floor(end(axis=0) / _BLOCK).astype(np.int64) for end in (uv.min, uv.max))
+    size = high - low + 1
+    blocks = np.empty(len(corners), np.int64)
+    kernels.find_blocks(uv, corners, source, _BLOCK, low, size, blocks)
+    there = np.bincount(blocks) > 0
+    part = (np.cumsum(there) - 1)[blocks]
+    found = np.flatnonzero(there)
+    bounds = np.empty((len(found), 4), np.float32)
+    kernels.bound_parts(uv, corners, part, bounds)
+    begin = (np.floor(bounds[:, :2] - 0.5).astype(np.int64) - _ROOM) // 2 * 2
+    end = -(-(np.ceil(bounds[:, 2:] - 0.5).astype(np.int64) + _ROOM + 1) // 2) * 2
     parts = np.zeros((len(found), kernels.PART_SIZE), np.int64)
-    parts[:, kernels.SOURCE] = found[:, 0]
+    parts[:, kernels.SOURCE] = found // (size[0] * size[1])
     parts[:, [kernels.LEFT, kernels.TOP]] = begin
     parts[:, [kernels.WIDE, kernels.HIGH]] = end - begin
-    return parts, numbers
+    return parts, part
+
+
+def _renumbered(corners: I64, part: I64, parts: int, vertices: int) -> tuple[I64, I32, I64]:
+    """Triangles part by part: their order [m], their corners [m, 3] in new numbers, and part and vertex [n, 2] of each
+    new number. A vertex of triangles of several parts has a number in each of them."""
+    starts = np.cumsum(np.bincount(part, minlength=parts)) - np.bincount(part, minlength=parts)
+    order, numbers = np.empty(len(corners), np.int64), np.empty(corners.shape, np.int32)
+    used = np.empty((corners.size, 2), np.int64)
+    count = kernels.renumber(corners, part, starts, np.full(vertices, -1, np.int64), order, numbers, used)
+    return order, numbers, used[:count]
 
 
 def _place(parts: I64) -> tuple[int, int]:
@@ -138,7 +146,7 @@ def _place(parts: I64) -> tuple[int, int]:
     return width, below
 
 
-def _copied(parts: I64, table: I64, width: int, height: int) -> tuple[Texture, np.ndarray]:
+def _copied(parts: I64, table: I64, width: int, height: int) -> tuple[Texture, U16]:
     """The picture that is made of parts of captures' pictures (table: `Captures.table`), and its codes."""
     half = (height // 2, width // 2)
     y, cb, cr = (np.zeros(shape, np.uint16) for shape in ((height, width), half, half))

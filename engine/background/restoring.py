@@ -50,6 +50,7 @@ def state_of(model: ModelParts) -> ModelState:
         waited=model._waited,
         geometry=pbs.version,
         cast=tuple(model._culling.cast_version),
+        looks=tuple(model._culling.looks),
         changed=model._culling.changed.cells.copy(),
     )
 
@@ -78,7 +79,7 @@ def put_back(model: ModelParts, state: ModelState) -> None:
     followed.now = Tolerances(**dict(state.tolerances))
     followed.first, followed.frames = [samples.copy() for samples in state.first], state.frames
     model._p_pbs.rounds = list(state.rounds)
-    model._culling.cast_version = list(state.cast)
+    model._culling.cast_version, model._culling.looks = list(state.cast), list(state.looks)
     model._culling.changed.cells[:] = state.changed
 
 

@@ -3,11 +3,13 @@
 A completed pixel next to measured ones is as good as measured. The other completed pixels are doubtful: they are drawn
 only where no view has a measured surface. Mixed pixels ("flying pixels"), with a depth half way between a surface and
 the one that it hides, are completed like pixels without depth, and are doubtful too. The background model is built
-from measured depth alone.
+from measured depth alone; only what a camera that moves adds to it has completed depth next to measured pixels, too,
+because otherwise each frame would add slivers that fill the gaps of the last one.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from typing import NamedTuple
 
@@ -18,7 +20,7 @@ from ..kernels.geometry import complete as kernels
 from ..rig.frame import View
 from .pyramid import empty_levels
 
-__all__ = ["Completed", "complete", "completed_codes"]
+__all__ = ["Completed", "complete", "completed_codes", "trusted"]
 
 # Least confidence, of 255, that is not doubtful: a pixel within about two pixels of a measured one of the same colour.
 # Any value between half of 255 and this gives the same pictures of a real capture.
@@ -44,6 +46,12 @@ def complete(view: View, edge: float) -> Completed:
     kernels.drop_mixed(view.codes, edge / view.camera.depth.step, measured)
     codes, confidence = completed_codes(View(view.camera, view.texture, measured), edge)
     return Completed(codes, ((confidence < _TRUSTED) | (measured != view.codes)).astype(np.uint8))
+
+
+def trusted(view: View, edge: float) -> View:
+    """A view with the depth of `complete` where that is not doubtful, and without depth elsewhere."""
+    codes, doubtful = complete(view, edge)
+    return view if doubtful is None else dataclasses.replace(view, codes=np.where(doubtful, np.uint16(0), codes))
 
 
 def completed_codes(view: View, edge: float) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint8]]:

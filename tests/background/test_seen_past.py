@@ -36,20 +36,23 @@ def random_case(lens, seed):
 
 
 @pytest.mark.parametrize("lens", LENSES)
-@pytest.mark.parametrize("seed", range(2))
-def test_marks_are_forgotten_where_a_view_sees_past_a_triangle(lens, seed):
+@pytest.mark.parametrize(("seed", "first", "step"), [(0, 0, 1), (1, 2, 3), (2, 900, 1000)])
+def test_marks_are_forgotten_where_a_view_sees_past_a_triangle(lens, seed, first, step):
     view, mesh, marks, invalid = random_case(lens, seed)
     bits = np.array([0b1011, 1 << 40], np.uint64)
     expected, forgotten = marks.copy(), 0
     for i, corners in enumerate(mesh.triangles):
         middle = mesh.points[corners].astype(np.float64).mean(axis=0)
-        if not invalid[i] and (marks[i] & bits).any() and slow.looks_through(view.camera, view.codes, middle, DELTA):
+        looked_at = i >= first and (i - first) % step == 0
+        held = looked_at and not invalid[i] and (marks[i] & bits).any()
+        if held and slow.looks_through(view.camera, view.codes, middle, DELTA):
             expected[i] &= ~bits
             forgotten += 1
     prepared = PreparedView(view, TriangulationOptions(0.0, 0.2), np.zeros(3))
     codes = int(prepared.addresses(measured=True)[0])
-    found = forget_seen_past(prepared.table_row, codes, mesh, invalid, DELTA, bits, marks)
-    assert found == forgotten > 10
+    found = forget_seen_past(prepared.table_row, codes, mesh, invalid, DELTA, bits, first, step, marks)
+    assert found == forgotten
+    assert (forgotten > 2) == (step < 900)
     np.testing.assert_array_equal(marks, expected)
 
 
@@ -75,5 +78,6 @@ def test_a_view_of_the_same_surface_forgets_nothing():
     mesh = Triangles(points, uv.astype(np.float32), np.arange(300, dtype=np.int32).reshape(-1, 3))
     marks = np.ones((100, 1), np.uint64)
     prepared = PreparedView(view, TriangulationOptions(0.0, 0.2), np.zeros(3))
+    invalid = np.zeros(100, np.uint8)
     row, codes = prepared.table_row, int(prepared.addresses(measured=True)[0])
-    assert forget_seen_past(row, codes, mesh, np.zeros(100, np.uint8), DELTA, np.ones(1, np.uint64), marks) == 0
+    assert forget_seen_past(row, codes, mesh, invalid, DELTA, np.ones(1, np.uint64), 0, 1, marks) == 0

@@ -45,16 +45,17 @@ def _middle(mesh: Triangles, i: int) -> tuple[float, float, float]:
 
 @parallel
 def forget_seen_past(
-    row: F64, codes: int, mesh: Triangles, invalid: U8, delta: Delta, bits: U64, marks: U64
+    row: F64, codes: int, mesh: Triangles, invalid: U8, delta: Delta, bits: U64, first: int, step: int, marks: U64
 ) -> int:
     """Clears `bits` [words] in marks [m, words] of valid triangles that have one of them and past whose middle a view
-    sees; returns the number of these triangles.
+    sees; returns the number of these triangles. Only every `step`-th triangle from `first` on is looked at.
 
     row: the view's, of a view table (`kernels.base.view_table`); codes: address of its depth codes. A view sees past a
     point if all four texels round the point's image are farther by more than delta (`kernels.base.sight`).
     """
     count = 0
-    for i in numba.prange(marks.shape[0]):
+    for k in numba.prange((marks.shape[0] - first + step - 1) // step):
+        i = first + np.int64(k) * step
         if invalid[i] == 0 and _has_any(marks, i, bits):
             x, y, z = _middle(mesh, i)
             if looks_through(row, codes, x, y, z, delta):
