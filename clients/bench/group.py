@@ -38,6 +38,7 @@ MEASURES = {
     "model": Measure("Few views with the model against few and all views without it, by ground truth."),
     "ghosts": Measure("Ghosts and holes of the background model, on a twin."),
     "noise": Measure("Every frame of a twin with and without the model, and the model's error."),
+    "moving": Measure("What cameras that move add to the background model, on twins and walks."),
     "backdrop": Measure("The backdrop's surface, farthest or standing, on a twin."),
     "fill": Measure("Kinds of filling against the truth, inside holes only."),
     "flicker": Measure("Change of a still head's pictures where the truth does not change."),

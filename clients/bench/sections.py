@@ -85,6 +85,14 @@ SECTIONS = (
         "Farthest: the farthest surface, as in the paper; standing: the nearest surface that no camera has seen past.",
     ),
     Section(
+        "moving", "What does a reference camera that moves add to the model?",
+        ("moving", "gymnasium-a,gymnasium-b", "--scale", "0.5", "--views", "2", *_BALANCED),
+        "Each cell holds two figures, without the moving camera and with it. It only updates the model; pictures are "
+        "drawn from two of the four fixed views. Holes are before filling. Added: triangles of newly visible surfaces "
+        "since the row before; culled: those that were culled since then; P-PBS: what has accumulated.",
+        reports=True,
+    ),
+    Section(
         "minified", "How much does prefiltering gain where pictures are coarser than views?",
         ("minified", "museum", "--scale", "0.25", *_BALANCED),
         "PSNR-Y / IV-PSNR / SSIM, by the width in view pixels that one pixel of the picture covers.",
@@ -199,4 +207,5 @@ _TAKES = {
     "trade": ("--frames",),
     "fill": ("--frames",),
     "spared": ("--scale", "--frames"),
+    "moving": ("--frames",),
 }
