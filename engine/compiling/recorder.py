@@ -12,7 +12,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +81,7 @@ def _rehearse(use: str, folder: Path) -> None:
         return
     for name in _TWINS:
         _play(open_recording(folder / name), use)
+        _walk(open_recording(folder / name), use)
 
 
 def _show_one(recording: Any) -> None:
@@ -116,6 +117,19 @@ def _play(recording: Any, quality: str) -> None:
         engine.export("glb", colours)
     for name in recording.truth_names[:2]:
         engine.render_camera(recording.camera(name), "head")
+
+
+def _walk(recording: Any, quality: str) -> None:
+    """A live engine on one camera of a recording, as if it moved."""
+    from ..pipeline.engine import Engine
+    from ..rig.frame import Frame
+    from ..settings import Settings
+
+    (view,) = recording.frame(0, recording.source_names[:1]).views
+    engine = Engine([view.camera], Settings.preset(quality), f_vin=recording.fps)
+    for index in range(2 * _FRAMES):
+        camera = replace(view.camera, pose=view.camera.pose.translated((0.0, 0.2 * index, 0.0)))
+        engine.update(Frame(index, (replace(view, camera=camera),)))
 
 
 def main() -> None:

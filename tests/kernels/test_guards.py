@@ -200,6 +200,13 @@ def test_the_background_stays_within_its_arrays_when_it_is_uncovered(child):
     assert counts["rays"] > 2 * 500
 
 
+def test_what_a_walking_camera_adds_stays_within_its_arrays(child):
+    counts = sweep(child, "walking", 8)
+    assert counts["captures"] > 8 * 3
+    assert counts["p_pbs"] > 8 * 50
+    assert counts["mesh"] > 8 * 50
+
+
 def test_absurd_cameras_and_heads_do_no_harm(child):
     assert sweep(child, "hostile", 16)["taken"] > 8
 
@@ -233,7 +240,9 @@ COVERED = {
     "background/culling": ("pipeline",),
     "background/exposure": ("pipeline",),
     "background/hidden": ("pipeline",),
-    "background/pbi": ("pipeline",),
+    "background/parts": ("walking",),
+    "background/pbi": ("pipeline", "walking"),
+    "background/seen_past": ("walking",),
     "background/texture_pages": ("pipeline",),
     "background/triangle_filter": ("pipeline",),
     "background/uncovered": ("pipeline",),
@@ -257,9 +266,10 @@ INSIDE = {
     ),
     "background/standing": ("background/hidden", "background/pbi"),
     "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangle_words"),
-    "base/sight": ("background/standing", "rendering/backdrop"),
+    "base/sight": ("background/seen_past", "background/standing", "rendering/backdrop"),
     "base/memory": (
-        "background/captures", "background/complementary_rays", "background/pbi", "background/texture_pages",
+        "background/captures", "background/complementary_rays", "background/parts", "background/pbi",
+        "background/texture_pages",
         "background/uncovered", "rendering/backdrop", "rendering/blocks", "rendering/shade", "rendering/sorting",
     ),
     "geometry/rims": ("geometry/triangulate",),
@@ -315,7 +325,7 @@ def test_every_file_of_kernels_that_takes_addresses_has_a_case():
 
 def test_cases_call_every_kernel_of_the_engine(child):
     """Every kernel that the engine's modules can call; runs last and counts the calls of the other tests."""
-    if not {"shading", "triangulating", "pictures", "pipeline", "uncovering"} <= set(child.called):
+    if not {"shading", "triangulating", "pictures", "pipeline", "uncovering", "walking"} <= set(child.called):
         pytest.skip("only where all cases have run")
     for name, cases in COVERED.items():
         for case in cases:

@@ -394,6 +394,33 @@ def uncovering(rng: Rng, flush: str) -> Counts:
         engine.close()
 
 
+def walking(rng: Rng, flush: str) -> Counts:
+    """A camera walks through a room, alone or next to a fixed one, and turns; a ball leaves; captures are joined."""
+    p = Perspective.from_fov(*any_size(rng, (47, 64, 65)), 1.2) if rng.random() < 0.7 else any_projection(rng, SMALL)
+    coding = any_coding(rng)
+    cameras = [Camera(f"v{k}", p, Pose((0.0, 0.1 * k, 0.0)), coding) for k in range(rng.integers(1, 3))]
+    changes = {"n_update": len(cameras), "baseline_m": 0.5, "draw_moving": bool(rng.integers(2))}
+    settings = Settings.preset("balanced", culling_stride=int(rng.integers(2)), **changes)
+    engine, ball, video = engine_module.Engine(cameras, settings), any_ball(rng), []
+    for index in range(9):
+        ball = np.array([99.0, 0.0, 0.0]) if index > 5 else ball
+        turned = Pose.from_euler((0.0, 0.12 * index, 0.0), 0.1 * index, 0.0, 0.0)
+        now = [dataclasses.replace(cameras[0], pose=turned), *cameras[1:]]
+        views = []
+        for camera in now:
+            codes = coding.codes(room_depth(camera, ball))
+            if coding.has_invalid:
+                codes[rng.random(codes.shape) < 0.05] = 0
+            views.append(View(camera, any_texture(rng, p.height, p.width, flush), guarded(codes, flush)))
+        video.append(Frame(index, tuple(views)))
+    try:
+        counts = play(rng, engine, video)
+        assert engine.model is not None
+        return {**counts, "captures": len(engine.model.captures), "p_pbs": engine.model.counts()["p_pbs"]}
+    finally:
+        engine.close()
+
+
 def hostile(rng: Rng, flush: str) -> Counts:
     """Like `pipeline`, with absurd numbers that may come from outside: it may refuse them, but not fault or hang."""
     cameras = any_rig(rng)
@@ -514,8 +541,8 @@ def hanging(rng: Rng, flush: str) -> Counts:
 
 
 _CASES = (
-    shading, triangulating, pictures, pipeline, uncovering, hostile, far_triangles, at_the_eye, no_colours, lost_points,
-    beyond, hanging,
+    shading, triangulating, pictures, pipeline, uncovering, walking, hostile, far_triangles, at_the_eye, no_colours,
+    lost_points, beyond, hanging,
 )  # fmt: skip
 CASES: Mapping[str, Callable[[Rng, str], Counts]] = {case.__name__: case for case in _CASES}
 

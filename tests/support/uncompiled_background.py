@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-from farside.engine.background.capture import Present
+from farside.engine.background.capture import Present, Remains
 from farside.engine.background.exposure import Exposure
 from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbi import uncovered_cells
@@ -86,6 +86,36 @@ def models() -> Named:
         views = [PreparedView(v, scene.triangulation(v.camera, settings), scene.origin) for v in video[-1].views]
         present = ViewTable(views) if settings.backdrop == "standing" else None
         yield from _shown(label, model, present)
+
+
+def walks() -> Named:
+    """One camera passes someone, who then leaves: what it adds, what is left of its captures, and what is culled."""
+    for label, settings in {
+        "by triangle": Settings(n_init=1, tolerance_px=1.0),
+        "by pixel": Settings(n_init=1, tolerance_px=1.0, culling_stride=2, rays_by_triangle=False),
+    }.items():
+        path = [
+            dataclasses.replace(CAMERAS[1], pose=CAMERAS[1].pose.translated((0.0, 0.17 * k, 0.01 * k)))
+            for k in (0, 1, 2, 3, 4, 5, 4, 3)
+        ]
+        video = [
+            Frame(k, (seen_by(camera, k, 0.2 if k < 5 else None, 0.0),)) for k, camera in enumerate(path)
+        ]
+        model = BackgroundModel(path[:1], settings, Scene.of(path[:1], settings, video[0]))
+        reports = [model.update(frame) for frame in video]
+        assert sum(report.added for report in reports) > 0
+        assert sum(report.culled for report in reports[5:]) > 0
+        remains = [capture for capture in model.captures if isinstance(capture, Remains)]
+        assert remains
+        for capture in remains:
+            name = f"{label} {capture.number}"
+            yield f"{name} codes", capture.codes
+            yield f"{name} y", capture.texture.y
+            yield f"{name} cb", capture.texture.cb
+        yield f"{label} culled", np.array([report.culled for report in reports])
+        view = model.render_pbi(EYE).view
+        yield f"{label} disparity", EYE.depth.disparity(view.codes)
+        yield f"{label} luma", view.texture.y
 
 
 def _shown(label: str, model: BackgroundModel, present: ViewTable | None) -> Named:
@@ -184,4 +214,4 @@ def rays() -> Named:
     yield "distances", distances
 
 
-CASES = (models, hidden, uncovered, tones, rays)
+CASES = (models, walks, hidden, uncovered, tones, rays)
