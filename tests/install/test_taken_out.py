@@ -149,6 +149,30 @@ STEPS = [
         "background/test_captures.py::test_a_camera_has_a_newer_capture_and_the_older_one_stays",
     ),
     (
+        "engine/background/newly_visible.py",
+        "    return keep\n\n\ndef _depth_view",
+        "    return np.ones_like(keep)\n\n\ndef _depth_view",
+        "background/test_moving.py::test_what_the_capture_before_shows_is_no_candidate",
+    ),
+    (
+        "engine/background/p_pbs.py",
+        "self._neighbours, report)\n            kept = image.kept\n",
+        "self._neighbours, report)\n            kept = 0 * image.kept\n",
+        "background/test_moving.py::test_a_moving_camera_sees_behind_what_hides_the_wall_from_the_others",
+    ),
+    (
+        "engine/background/culling.py",
+        "        if not self._cameras.moving:\n            return 0\n",
+        "        return 0\n",
+        "background/test_moving.py::test_what_was_seen_past_leaves_the_model",
+    ),
+    (
+        "engine/pipeline/moving_views.py",
+        "        return everything if moving or not still else still\n",
+        "        return everything\n",
+        "pipeline/test_moving_views.py::test_a_moving_camera_serves_updates_only",
+    ),
+    (
         "engine/kernels/background/complementary_rays.py",
         "    half = 0.5 * delta_at(delta, far - t)\n",
         "    half = 0.0\n",

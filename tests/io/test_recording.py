@@ -12,8 +12,10 @@ from farside.clients.replay import Playback, Replay, parse_sources
 from farside.engine.evaluation.accuracy import Plan, judge_pictures
 from farside.engine.evaluation.background import compare_model, inside_rig
 from farside.engine.evaluation.twin_recording import TwinRecording
+from farside.engine.io.pose_trace import write_poses
 from farside.engine.io.recording import Playhead, Recording, open_recording
 from farside.engine.pipeline.offline import OfflineRenderer, RenderJob
+from farside.engine.rig.camera import Pose
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin, write_twin
 from support.doubles import FakeCore
@@ -156,3 +158,25 @@ def test_more_than_the_protocol_is_noticed() -> None:
     assert "view" not in NAMES
     with pytest.raises(AssertionError, match="folder"):
         _ = Bare(make_recording()).folder
+
+
+def test_poses_of_a_camera_that_moves_may_be_given(tmp_path):
+    folder, trace = tmp_path / "seq", tmp_path / "elsewhere" / "trace.csv"
+    write_twin("gymnasium-a", folder, 0.03, frames=3, truth=False)
+    trace.parent.mkdir()
+    poses = [Pose.from_euler((0.1 * k, 0.2, 1.5), 0.3 * k, 0.0, 0.0) for k in range(3)]
+    write_poses(trace, poses)
+    assert open_recording(folder).poses("v0") is None
+    assert open_recording(folder).poses("v4") is not None
+    recording = open_recording(folder, {"v0": trace, "v4": trace})  # goes before the file that the JSON names
+    for name in ("v0", "v4"):
+        for k, pose in enumerate(poses):
+            np.testing.assert_allclose(recording.camera(name, k).pose.position, pose.position)
+        assert len(recording.poses(name)) == 3
+    assert recording.frame(2).views[0].camera.pose.position[0] == pytest.approx(0.2)
+    write_poses(trace, poses[:2])
+    assert open_recording(folder, {"v0": trace}).frame_count == 2
+    with pytest.raises(ValueError, match="moving camera: 'v9': expected one of v0, v1"):
+        open_recording(folder, {"v9": trace})
+    with pytest.raises(ValueError, match=r"camera v0: Poses: .*missing.csv"):
+        open_recording(folder, {"v0": tmp_path / "missing.csv"})
