@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from farside.engine.io.rgbd_folder import RgbdFolder, is_rgbd_folder
 from farside.engine.io.tmiv_check import check_sequence
 from farside.engine.io.tmiv_json import Description, TmivError, find_json, read_json
 from farside.engine.io.tmiv_look import look_at_first_frame
@@ -29,6 +31,9 @@ def command(
     Warnings tell what seems to be wrong by a look at the first frame; they leave the exit code as it is.
     """
     console = Console(width=None if sys.stdout.isatty() else 140)
+    if is_rgbd_folder(sequence):
+        _show_walk(console, sequence)
+        return
     problems, warnings = check_sequence(sequence), list[str]()
     try:
         file = find_json(sequence)
@@ -42,6 +47,22 @@ def command(
             console.print(f"{kind} {escape(line)}", soft_wrap=True, highlight=False)
     if problems:
         raise typer.Exit(2)
+    console.print("no problems found")
+
+
+def _show_walk(console: Console, folder: Path) -> None:
+    """List a folder of pictures of one RGB-D camera; raises ValueError for the first file that does not fit."""
+    walk = RgbdFolder(folder)
+    depths = [walk.frame(index).views[0].codes > 0 for index in range(walk.frame_count)]
+    camera, path = walk.camera("camera"), [walk.camera("camera", k).pose.position for k in range(walk.frame_count)]
+    length = sum(math.dist(a, b) for a, b in itertools.pairwise(path))
+    table = Table(title=f"{escape(walk.name)}: one RGB-D camera, moving")
+    for title in ("camera", "size", "frames", "way, m", "pixels with depth"):
+        table.add_column(title, no_wrap=True)
+    share = sum(float(there.mean()) for there in depths) / len(depths)
+    size = f"{camera.width}x{camera.height}"
+    table.add_row(camera.name, size, str(walk.frame_count), f"{length:.2f}", f"{100 * share:.0f} %")
+    console.print(table)
     console.print("no problems found")
 
 

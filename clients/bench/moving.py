@@ -59,7 +59,7 @@ def _show_rig(
     names = [camera.name for camera in cameras]
     title = "holes before filling, % of pixels, without and with the moving camera"
     table = Table(title=f"{recording.name}, quality {quality}: {title}")
-    for column in ("frame", *names, "update, ms", "p95", "added", "culled", "P-PBS", "captures"):
+    for column in ("frame", *names, "update, ms", "p95", "asked", "added", "culled", "P-PBS", "captures"):
         table.add_column(column, justify="right")
     for since in _sampled(moments):
         now = since[-1]
@@ -67,14 +67,14 @@ def _show_rig(
         middle, late = (np.percentile([m.update_ms for m in since], share, axis=0) for share in (50, 95))
         table.add_row(
             str(now.frame), *holes, f"{middle[0]:.1f} {middle[1]:.1f}", f"{late[0]:.1f} {late[1]:.1f}",
-            str(sum(m.added for m in since)), str(sum(m.culled for m in since)), f"{now.p_pbs[0]} {now.p_pbs[1]}",
-            str(now.captures),
+            str(sum(m.asked for m in since)), str(sum(m.added for m in since)), str(sum(m.culled for m in since)),
+            f"{now.p_pbs[0]} {now.p_pbs[1]}", str(now.captures),
         )  # fmt: skip
         if report is not None:
             for name, pictures in now.pictures.items():
                 path = report / f"moving_{recording.name}_{name}_{now.frame}.png"
                 Image.fromarray(side_by_side(pictures)).save(path)
-    Console(width=160).print(table)
+    Console(width=170).print(table)
 
 
 def _sampled(moments: Sequence[Moment]) -> Iterator[list[Moment]]:

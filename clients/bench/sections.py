@@ -88,8 +88,9 @@ SECTIONS = (
         "moving", "What does a reference camera that moves add to the model?",
         ("moving", "gymnasium-a,gymnasium-b", "--scale", "0.5", "--views", "2", *_BALANCED),
         "Each cell holds two figures, without the moving camera and with it. It only updates the model; pictures are "
-        "drawn from two of the four fixed views. Holes are before filling. Added: triangles of newly visible surfaces "
-        "since the row before; culled: those that were culled since then; P-PBS: what has accumulated.",
+        "drawn from two of the four fixed views. Holes are before filling. Since the row before, asked: its pixels "
+        "that its capture before did not show; added: triangles of those that are farther than the model; culled: all "
+        "triangles that were culled. P-PBS: what has accumulated (Fig. 12b of the paper).",
         reports=True,
     ),
     Section(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from farside.clients.cli import app
 from farside.engine.io.recording import open_recording
 from farside.engine.io.rgbd_folder import RgbdFolder
 from farside.engine.rig.texture import from_rgb
 from PIL import Image
+from typer.testing import CliRunner
 
 K = np.array([[40.0, 0.0, 23.5], [0.0, 42.0, 15.0], [0.0, 0.0, 1.0]])
 WIDTH, HEIGHT = 48, 32
@@ -95,3 +97,13 @@ def test_frames_and_cameras_that_are_not_there(folder):
         recording.camera("v0")
     with pytest.raises(ValueError, match="moving camera: 'v0': expected none"):
         open_recording(folder, {"v0": folder / "x.csv"})
+
+
+def test_farside_info_lists_what_it_holds(folder):
+    done = CliRunner().invoke(app, ["info", str(folder)])
+    assert done.exit_code == 0, done.output
+    assert "48x32" in done.output
+    assert "no problems found" in done.output
+    (folder / "depth" / "00008.png").unlink()
+    with pytest.raises(ValueError, match=r"00008\.png"):
+        CliRunner().invoke(app, ["info", str(folder)], catch_exceptions=False)
