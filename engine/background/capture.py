@@ -168,7 +168,7 @@ class Present:
     near: surfaces nearer than this depth, metres, are not shown. views: the newest views, in the order of the reference
     cameras; None: no view is consulted, and the farthest surface is shown (as in the paper). memory: codes uint16
     [h, w] of the current maximum depth images by reference camera. A camera that has moved has none: only its present
-    view counts.
+    view counts. Of a camera whose view is left out, only the memory counts.
     """
 
     near: float
@@ -182,4 +182,8 @@ class Present:
         codes: npt.NDArray[np.int64] = np.repeat(self.views.addresses[:, :1], 2, axis=1)
         for camera, seen in self.memory.items():
             codes[camera, FARTHEST] = address_of(seen)
-        return standing.Present(self.near, self.views.rows, codes)
+        # The row of a view that is left out has no pixels, so what its camera remembers gets a row of its own.
+        views = self.views.views
+        absent = [camera for camera in self.memory if not views[camera].view.there]
+        rows = [self.views.rows, *(views[camera].camera_row()[None] for camera in absent)]
+        return standing.Present(self.near, np.concatenate(rows), np.concatenate([codes, codes[absent]]))

@@ -93,7 +93,8 @@ class Exposure:
         self.tones = _matrices(self._state)  # [n, 4, 4]: view from common, of (Y', Cb, Cr, 1) about black and grey
 
     def update(self, views: ViewTable, elapsed_s: float, known: Sequence[int] = (), model: IntArray = _NONE) -> None:
-        """Compare the views of a frame, `elapsed_s` seconds after the last one.
+        """Compare the views of a frame, `elapsed_s` seconds after the last one. Views that are
+        left out are not compared, and keep their tones.
 
         known: indices [k] of views whose camera has a maximum depth image; model: addresses [k, 4] of these images'
         planes.
@@ -104,7 +105,9 @@ class Exposure:
         for _ in range(_ROUNDS if self._started else _FIRST_ROUNDS):
             found = _solve(self._overlap, found, expected)
         share = 1.0 - math.exp(-elapsed_s / self._follow_s) if self._started else 1.0
-        self._state = self._state + share * (found - self._state)
+        change = share * (found - self._state)
+        change[~_there(views)] = 0.0
+        self._state = self._state + change
         self._started = True
         self.tones = _matrices(self._state)
 
@@ -121,6 +124,9 @@ class Exposure:
         due = np.arange(self._turn, len(pairs), _TURNS)
         if not np.array_equal(index, self._overlap.pairs):
             self._overlap, due = _Overlap.empty(index, columns * rows), np.arange(len(pairs))
+        there = _there(views)
+        if not there.all():  # the other pairs keep their samples of earlier frames
+            due = due[np.concatenate([there, there[list(known)]])[index[due]].all(axis=1)]
         table = np.concatenate([views.rows, views.rows[list(known)]])
         addresses = np.concatenate([views.addresses[:, :4], model])
         gather_samples(
@@ -141,6 +147,11 @@ class Exposure:
                 chosen = select_views(camera, [cameras[i] for i in others], _NEIGHBOURS, self._depths)
                 others = [others[i] for i in chosen]
             self._neighbours[k] = others
+
+
+def _there(views: ViewTable) -> npt.NDArray[np.bool_]:  # [n]
+    """Which views are not left out of their frame."""
+    return np.array([prepared.view.there for prepared in views.views])
 
 
 def _solve(overlap: _Overlap, state: F64, expected: F64) -> F64:

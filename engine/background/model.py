@@ -18,7 +18,7 @@ from ..rig.frame import Frame, View
 from ..support.array_types import F64
 from ..support.stages import timed
 from .capture import Capture
-from .maximum_depth import MaximumDepthImage
+from .maximum_depth import MaximumDepthImage, blank_view
 from .parts import ModelParts
 from .ray_tracer import RayTracer
 from .report import UpdateReport
@@ -37,8 +37,9 @@ class BackgroundModel(ModelParts):
 
     `update`, `state` and `render_pbi` are called by one thread at a time, `mesh`, `textured_mesh` and `counts` by any
     thread. In its turn, a camera that has moved begins a new capture, and adds the surfaces in its view that are
-    farther than the PBS (section 4.2); what earlier captures have added stays, with their colours. tracer: the ray
-    tracer; None: Embree.
+    farther than the PBS (section 4.2); what earlier captures have added stays, with their colours. A view that is left
+    out of a frame leaves no trace in the model; a camera that was left out of the first frames begins with its first
+    view. tracer: the ray tracer; None: Embree.
     """
 
     def update(self, frame: Frame, tones: F64 | None = None) -> UpdateReport:
@@ -74,9 +75,10 @@ class BackgroundModel(ModelParts):
         report = UpdateReport(frame.index, tuple(camera.name for camera in self.cameras))
         tolerances = self._tolerances.start(frame.views)
         self._rig.place([view.camera for view in frame.views])
+        self._rig.unseen = set(range(len(self._rig))) - set(frame.there)
         with timed(report.stages, "maximum_depth"):
             for c, view in enumerate(frame.views):
-                self._begin_capture(c, view, tones[c])
+                self._begin_capture(c, view if view.there else blank_view(view.camera), tones[c])
         with timed(report.stages, "triangulate"):
             chosen = gather_triangles(
                 self._pbs, self._captures, frame.views, self._new_triangles, self.settings.n_init, tolerances.delta,
@@ -85,7 +87,7 @@ class BackgroundModel(ModelParts):
         with timed(report.stages, "commit"):
             self._pbs.commit()
         with timed(report.stages, "culling"):
-            casting = range(len(self._rig)) if self.settings.rays_by_triangle else chosen
+            casting = self._rig.still() if self.settings.rays_by_triangle else chosen
             self._culling.cull(casting, tolerances.delta, report, share=True)
         self._flag_hidden(list(self._pbs.static.values()), frame, report)
         with timed(report.stages, "commit"), self._pbs.lock:
@@ -97,13 +99,16 @@ class BackgroundModel(ModelParts):
     def _progress(self, frame: Frame, tones: F64) -> UpdateReport:
         """A later frame (section 3.3.3)."""
         self._rig.note_moved(frame)
+        for c in sorted(self._rig.unseen.intersection(frame.there)):
+            self._join(c, frame.views[c], tones[c])
+        seen = self._rig.seen_in(frame)
         self._waited = (self._waited + 1) % self.settings.update_interval
         if self._waited:
             return UpdateReport(frame.index, ())
-        group = self._rig.next_group(self.settings.n_update)
+        group = self._rig.next_group(self.settings.n_update, seen)
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
         with timed(report.stages, "maximum_depth"):
-            self._update_images(frame, tones, group, report)
+            self._update_images(frame, tones, seen, group, report)
         forgotten = 0
         for c in group:
             if c in self._rig.moved:
@@ -123,9 +128,12 @@ class BackgroundModel(ModelParts):
         self._flag_hidden(parts, frame, report)
         return report
 
-    def _update_images(self, frame: Frame, tones: F64, group: Sequence[int], report: UpdateReport) -> None:
-        """Updates the maximum depth images of all cameras that are where their captures began."""
-        still = self._rig.still()
+    def _update_images(
+        self, frame: Frame, tones: F64, seen: Sequence[int], group: Sequence[int], report: UpdateReport
+    ) -> None:
+        """Updates the maximum depth images of all cameras that are where their captures began and are not left out
+        (`seen`)."""
+        still = [c for c in self._rig.still() if c in seen]
         if self._tolerances.follow(frame, still):
             self._captures.compare_by(self.tolerances)
         for c in still:
@@ -146,6 +154,13 @@ class BackgroundModel(ModelParts):
             self._older.retire(before)
             if self._pbs.version != version:
                 self._pbs.commit()
+
+    def _join(self, c: int, view: View, tone: F64) -> None:
+        """A camera that was left out of all frames so far begins; all that it sees is a candidate for the P-PBS."""
+        blank = self._captures.current[c]
+        image = self.recapture(c, view, tone).image
+        image.suggest(np.ones(view.codes.shape, np.uint8))
+        self._older.retire(blank)
 
     def _begin_capture(self, c: int, view: View, tone: F64) -> Capture:
         """Begins a new current capture of a camera with its first view."""

@@ -19,7 +19,8 @@ class ReferenceCameras:
     """Cameras in the poses in which their current captures began; packed float64 [n, CAMERA_SIZE], relative to `origin`
     (metres, world), is the same array for life.
 
-    moved: the cameras that are elsewhere in the newest frame; moving: those that have moved in any frame so far.
+    moved: the cameras that are elsewhere in the newest frame; moving: those that have moved in any frame so far;
+    unseen: those that were left out of all frames so far, whose captures are blank.
     """
 
     def __init__(self, cameras: Sequence[Camera], origin: F64) -> None:
@@ -27,6 +28,7 @@ class ReferenceCameras:
         self.packed = np.zeros((len(self.cameras), CAMERA_SIZE))
         self.moved: set[int] = set()
         self.moving: set[int] = set()
+        self.unseen: set[int] = set()
         self.next = 0  # whose turn comes first
         self._origin = origin
 
@@ -43,32 +45,47 @@ class ReferenceCameras:
         self.cameras = (*self.cameras[:index], camera, *self.cameras[index + 1 :])
         self.packed[index] = camera.packed(self._origin)
         self.moved.discard(index)
-        self.moving.add(index)
+        if index in self.unseen:
+            self.unseen.discard(index)
+        else:
+            self.moving.add(index)
 
     def still(self) -> list[int]:
         """The cameras that are in the newest frame where their current captures began."""
-        return [c for c in range(len(self.cameras)) if c not in self.moved]
+        return [c for c in range(len(self.cameras)) if c not in self.moved and c not in self.unseen]
 
     def still_in(self, frame: Frame) -> list[int]:
-        """The cameras that are in this frame where their current captures began."""
-        return [c for c, camera in enumerate(self.cameras) if frame.views[c].camera.pose == camera.pose]
+        """The cameras that are in this frame where their current captures began; one that is left out of it is where it
+        was."""
+        still, views = self.still(), frame.views
+        return [
+            c for c, camera in enumerate(self.cameras)
+            if c not in self.unseen and (views[c].camera.pose == camera.pose if views[c].there else c in still)
+        ]  # fmt: skip
+
+    def seen_in(self, frame: Frame) -> list[int]:
+        """The cameras that are not left out of this frame and have a capture."""
+        return [c for c in frame.there if c not in self.unseen]
 
     def note_moved(self, frame: Frame) -> None:
         """Notes which cameras are elsewhere in the newest frame."""
-        self.moved = set(range(len(self.cameras))) - set(self.still_in(frame))
+        self.moved = set(range(len(self.cameras))) - set(self.still_in(frame)) - self.unseen
         self.moving |= self.moved
 
     def asked_after(self, group: Sequence[int]) -> list[int]:
         """The cameras outside a group in the order in which they are asked for marks; moving ones come last, because
         the marks of the others are renewed more often."""
-        others = [c for c in range(len(self.cameras)) if c not in group]
+        others = [c for c in range(len(self.cameras)) if c not in group and c not in self.unseen]
         return sorted(others, key=lambda c: c in self.moving)
 
-    def next_group(self, n_update: int) -> list[int]:
-        """The cameras whose turn it is (n_rv^update of them); each has one turn per round."""
+    def next_group(self, n_update: int, seen: Sequence[int]) -> list[int]:
+        """The cameras whose turn it is (n_rv^update of them) among those `seen_in` the frame; each of these has one
+        turn per round, and a camera that is left out waits for the next round."""
         count = len(self.cameras)
-        group = [(self.next + k) % count for k in range(min(n_update, count))]
-        self.next = (group[-1] + 1) % count
+        ahead = [c for k in range(count) if (c := (self.next + k) % count) in seen]
+        group = ahead[:n_update]
+        if group:
+            self.next = (group[-1] + 1) % count
         return group
 
     def check_one(self, index: int, view: View) -> None:

@@ -46,6 +46,7 @@ def state_of(model: ModelParts) -> ModelState:
         rounds=tuple(model._p_pbs.rounds),
         moved=tuple(sorted(rig.moved)),
         moving=tuple(sorted(rig.moving)),
+        unseen=tuple(sorted(rig.unseen)),
         next=rig.next,
         waited=model._waited,
         geometry=pbs.version,
@@ -64,7 +65,7 @@ def put_back(model: ModelParts, state: ModelState) -> None:
     """Puts a state into a model that has taken no frame yet and has the same cameras, settings and scene."""
     pbs, rig, followed = model._pbs, model._rig, model._tolerances
     rig.place([camera.camera() for camera in state.cameras])
-    rig.moved, rig.moving = set(state.moved), set(state.moving)
+    rig.moved, rig.moving, rig.unseen = set(state.moved), set(state.moving), set(state.unseen)
     rig.next, model._waited = state.next, state.waited
     captures = {each.capture: _capture(each, model) for each in state.captures}
     for capture in captures.values():

@@ -24,10 +24,11 @@ def gather_triangles(
     n_init: int, delta: Delta, origin: F64,
 ) -> list[int]:  # fmt: skip
     """Puts into the S-PBS the triangles of up to n_init (n_rv^init) views that overlap little: of each view only the
-    surfaces that no earlier one shows. Returns the views' indices. captures: of the same views; origin: the scene's,
-    metres in the world. Needs `pbs.commit` after."""
+    surfaces that no earlier one shows. Returns the views' indices; views that are left out are not among them.
+    captures: of the same views; origin: the scene's, metres in the world. Needs `pbs.commit` after."""
     coverage = Coverage(delta, origin)
-    chosen = choose_views(views, n_init)
+    there = [c for c, view in enumerate(views) if view.there]
+    chosen = [there[k] for k in choose_views([views[c] for c in there], n_init)]
     for c in chosen:
         keep = coverage.keep_farther(views[c], new_triangles.options[c].edge)
         capture = captures.current[c]

@@ -153,8 +153,8 @@ class ModelState:
     captures, remains: each in the order of their numbers. current: number of each reference camera's current capture.
     surfaces: in the order of the model. tolerances: the fields of `tolerances.Tolerances` by name. first: samples of
     each camera's disparities in the first frame, 1/m. frames: number of frames after the first; rounds: of fusion, by
-    camera; moved, moving, next, waited: see `reference_cameras`, `parts`. geometry: the PBS' version; cast: the PBS'
-    version at each camera's last culling rays; looks: see `culling`; changed float32 [n, rows, columns]: see
+    camera; moved, moving, unseen, next, waited: see `reference_cameras`, `parts`. geometry: the PBS' version; cast: the
+    PBS' version at each camera's last culling rays; looks: see `culling`; changed float32 [n, rows, columns]: see
     `changed_directions`.
     """
 
@@ -172,6 +172,7 @@ class ModelState:
     rounds: tuple[int, ...]
     moved: tuple[int, ...]
     moving: tuple[int, ...]
+    unseen: tuple[int, ...]
     next: int
     waited: int
     geometry: int

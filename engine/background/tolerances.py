@@ -95,7 +95,7 @@ class FollowedTolerances:
     def start(self, views: Sequence[View]) -> Tolerances:
         """The tolerances from the first frame; raises ValueError if it has no valid depth."""
         self.now = scene_tolerances(views, self._settings)
-        self.first = [sampled_disparity(view.camera, view.codes) for view in views]
+        self.first = [_sampled(view) for view in views]
         return self.now
 
     def follow(self, frame: Frame, fixed: Sequence[int]) -> bool:
@@ -164,10 +164,16 @@ def sampled_disparity(camera: Camera, codes: U16) -> F64:
     return camera.depth.disparity(codes[::stride, ::stride])
 
 
+def _sampled(view: View) -> F64:
+    """`sampled_disparity` of a view; nan if it is left out."""
+    disparity = sampled_disparity(view.camera, view.codes)
+    return disparity if view.there else np.full_like(disparity, np.nan)
+
+
 def _median_depth(views: Sequence[View]) -> float:
     medians = []
     for view in views:
-        disparity = sampled_disparity(view.camera, view.codes)
+        disparity = _sampled(view)
         if np.isfinite(disparity).any():
             medians.append(1.0 / float(np.nanmedian(disparity)))
     if not medians:

@@ -17,7 +17,7 @@ from ..kernels.base.tone import IDENTITY
 from ..rig.camera import Camera, Equirectangular, Perspective
 from ..rig.frame import View
 from ..support.lazy import lazy
-from ..support.packed import RADIANS_A_COLUMN, RADIANS_A_ROW
+from ..support.packed import HEIGHT, RADIANS_A_COLUMN, RADIANS_A_ROW, WIDTH
 from .completion import Completed, complete
 from .mesh import Mesh
 from .minification import Level, halved, level_for
@@ -113,7 +113,15 @@ class PreparedView:
 
     @lazy
     def table_row(self) -> npt.NDArray[np.float64]:  # [TABLE_SIZE]
-        """The view as `kernels.base.view_table` reads it."""
+        """The view as `kernels.base.view_table` reads it. If it is left out of its frame, its picture has no pixels:
+        every point is outside, whatever the depth coding."""
+        row = self.camera_row()
+        if not self.view.there:
+            row[WIDTH] = row[HEIGHT] = 0.0
+        return row
+
+    def camera_row(self) -> npt.NDArray[np.float64]:  # [TABLE_SIZE]
+        """The row of a view of this camera that is not left out."""
         return self._table_row(self.view.camera)
 
     def _table_row(self, camera: Camera) -> npt.NDArray[np.float64]:

@@ -43,19 +43,29 @@ class Scene:
     @classmethod
     def of(cls, cameras: Sequence[Camera], settings: Settings, frame: Frame) -> Scene:
         """Measure a rig and its first frame; raises ValueError if the frame has no valid depth."""
-        positions = np.array([camera.pose.position for camera in cameras])
-        origin = _middle(positions)
-        near = min(camera.depth.near for camera in cameras)
-        far = max(camera.depth.far for camera in cameras)
         depths = _depths(frame, 16)
         if not len(depths):
             depths = _depths(frame, 1)
         if not len(depths):
             raise ValueError(f"frame {frame.index}: no view has a valid depth: expected some in the first frame")
         p10, p50, p90 = (float(d) for d in np.percentile(depths, (10, 50, 90)))
+        return cls._with(cameras, settings, (p10, p50, p90))
+
+    @classmethod
+    def unseen(cls, cameras: Sequence[Camera], settings: Settings) -> Scene:
+        """A rig none of whose views has shown a depth yet: the depths are only what the depth codings allow."""
+        near = min(camera.depth.near for camera in cameras)
+        return cls._with(cameras, settings, (near, 2.0 * near, 4.0 * near))
+
+    @classmethod
+    def _with(cls, cameras: Sequence[Camera], settings: Settings, depths: tuple[float, float, float]) -> Scene:
+        positions = np.array([camera.pose.position for camera in cameras])
+        origin = _middle(positions)
+        near = min(camera.depth.near for camera in cameras)
+        far = max(camera.depth.far for camera in cameras)
         radius = float(np.median(np.linalg.norm(positions - origin, axis=1)))
-        baseline = settings.baseline_m or max(radius, 0.02 * p50)
-        return cls(origin, baseline, (p10, p50, p90), DepthCoding(near, far, 16, has_invalid=True))
+        baseline = settings.baseline_m or max(radius, 0.02 * depths[1])
+        return cls(origin, baseline, depths, DepthCoding(near, far, 16, has_invalid=True))
 
     def coding_at(self, position: npt.ArrayLike) -> DepthCoding:
         """A depth coding for a camera at `position` (metres, world) that can hold all that the cameras see."""
@@ -95,7 +105,9 @@ class Scene:
 
 def _depths(frame: Frame, stride: int) -> npt.NDArray[np.float64]:  # [n]
     """The valid depths of every stride-th pixel in both directions, metres."""
-    depths = np.concatenate([view.camera.depth.depth(view.codes[::stride, ::stride]).ravel() for view in frame.views])
+    views = [frame.views[c] for c in frame.there]
+    sampled = [view.camera.depth.depth(view.codes[::stride, ::stride]).ravel() for view in views]
+    depths = np.concatenate([np.empty(0), *sampled])
     valid: npt.NDArray[np.float64] = depths[np.isfinite(depths)]
     return valid
 

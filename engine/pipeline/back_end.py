@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..background.exposure import Exposure, to_common
 from ..background.model import BackgroundModel, UpdateReport
@@ -18,7 +18,8 @@ from ..geometry.scene_scale import Scene
 from ..geometry.triangulation import Triangulator
 from ..rendering.renderer import FrameContent, PreparedFrame, Renderer
 from ..rig.camera import Camera
-from ..rig.frame import Frame
+from ..rig.frame import Fault, Frame
+from ..rig.left_out import without_empty_views
 from ..settings import Settings
 from ..support.array_types import F64
 from ..support.stages import Stages, timed
@@ -37,13 +38,15 @@ _STEADY_VIEWS, _SWAY = 3, 0.02
 
 @dataclass(slots=True)
 class BackEndReport:
-    """The cost of one video frame: milliseconds per stage, rays and triangles, and the background model's report."""
+    """The cost of one video frame: milliseconds per stage, rays and triangles, and the background model's report; and
+    which views were left out of it."""
 
     frame_index: int
     stages: Stages
     background: UpdateReport | None
     pbi_rays: int = 0
     triangles: int = 0  # of the views that are drawn
+    left_out: Mapping[str, Fault] = field(default_factory=dict)  # why views were left out, by camera
 
 
 class BackEnd:
@@ -61,18 +64,22 @@ class BackEnd:
         self._exposure: Exposure | None = None
         self._moving = MovingViews()
         self._triangulators = [Triangulator() for _ in self._cameras]
+        self._placed = list(self._cameras)  # each camera where it was seen last
 
     def update(
         self, frame: Frame, look: Look, speeds: Mapping[str, float], settings: Settings
-    ) -> tuple[FrontBuffer, BackEndReport]:
-        """The back buffer of a frame, complete.
+    ) -> tuple[FrontBuffer | None, BackEndReport]:
+        """The back buffer of a frame, complete. If all of its views are left out, it leaves no trace: None, or as long
+        as no frame has shown anything a back buffer of nothing.
 
         `look` is called twice: first for the poses for which the PBIs are rendered; then, at the end, for the poses for
         which the data of the next pictures are made ready. speeds: of the heads, m/s, by viewer. Raises ValueError, and
         changes nothing, for a frame that does not fit the rig.
         """
         self._check(frame)
-        stages = Stages()
+        stages, frame = Stages(), self._placed_in(without_empty_views(frame))
+        if not frame.there:
+            return self._nothing(frame, settings), BackEndReport(frame.index, stages, None, left_out=frame.faults)
         if self._scene is None:
             self._scene = Scene.of([view.camera for view in frame.views], settings, frame)
         scene = self._scene
@@ -93,7 +100,18 @@ class BackEnd:
         with timed(stages, "triangulate"):
             self._warm(prepared, look(), content, settings)
         back = FrontBuffer(frame.index, content, prepared, tones, settings)
-        return back, BackEndReport(frame.index, stages, report, rays, sum(view.triangle_count for view in views))
+        triangles = sum(view.triangle_count for view in views)
+        return back, BackEndReport(frame.index, stages, report, rays, triangles, frame.faults)
+
+    def _nothing(self, frame: Frame, settings: Settings) -> FrontBuffer | None:
+        """What to show after a frame of which all views are left out: None, which is what was shown before, or pictures
+        of nothing. The scene's scale and the model wait for the first frame with depth."""
+        if self._scene is not None:
+            return None
+        scene = Scene.unseen([view.camera for view in frame.views], settings)
+        views = self._reference_views(frame, scene, settings)
+        content = FrameContent(scene, views, ViewTable(views), {}, None, ())
+        return FrontBuffer(frame.index, content, self._renderer.prepare(content), None, settings)
 
     def _check(self, frame: Frame) -> None:
         names = tuple(view.camera.name for view in frame.views)
@@ -106,6 +124,16 @@ class BackEnd:
                     f"frame {frame.index}: view {camera.name}: projection or depth coding "
                     f"{view.camera.projection}: expected the announced {camera.projection}"
                 )
+
+    def _placed_in(self, frame: Frame) -> Frame:
+        """The frame, in which each camera that is left out is where it was seen last."""
+        for c in frame.there:
+            self._placed[c] = frame.views[c].camera
+        if not frame.faults:
+            return frame
+        pairs = zip(frame.views, self._placed, strict=True)
+        views = tuple(dataclasses.replace(view, camera=camera) for view, camera in pairs)
+        return dataclasses.replace(frame, views=views)
 
     def _reference_views(self, frame: Frame, scene: Scene, settings: Settings) -> tuple[PreparedView, ...]:
         """The current reference views; their meshes are made when they are first used."""

@@ -102,12 +102,14 @@ class Engine:
         """Take a frame: update the reference views and the background model, render each viewer's PBI, swap buffers.
 
         viewers: where each viewer looks, by name, or a function that returns it, for heads that move meanwhile. speeds:
-        of the heads, m/s, for the PBI's margin. Raises ValueError, and changes nothing, for a frame that does not fit
-        the rig.
+        of the heads, m/s, for the PBI's margin. Views that are left out (`rig.frame.View`, `rig.left_out`) leave no
+        trace; if all are, nothing changes. Raises ValueError, and changes nothing, for a frame that does not fit the
+        rig.
         """
         look = viewers if callable(viewers) else lambda: viewers or {}
         back, report = self._back_end.update(frame, look, speeds or {}, self.settings)
-        self._buffers.swap(back)
+        if back is not None:
+            self._buffers.swap(back)
         return report
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:

@@ -13,17 +13,19 @@ class MovingViews:
     """Notices which cameras have moved in any frame so far."""
 
     def __init__(self) -> None:
-        self._poses: list[Pose] = []  # in the frame before
+        self._poses: dict[int, Pose] = {}  # of each camera, where it was seen last
         self._moving: set[int] = set()
+        self._there: tuple[int, ...] = ()
 
     def note(self, frame: Frame) -> None:
         """Takes the poses of a frame."""
-        poses = [view.camera.pose for view in frame.views]
-        self._moving |= {k for k, pose in enumerate(self._poses) if pose != poses[k]}
-        self._poses = poses
+        self._there = tuple(frame.there)
+        poses = {k: frame.views[k].camera.pose for k in self._there}
+        self._moving |= {k for k, pose in poses.items() if pose != self._poses.get(k, pose)}
+        self._poses |= poses
 
     def drawn(self, *, moving: bool) -> tuple[int, ...]:
-        """The indices of the views that may be drawn: all, or those of cameras that stand still if there are any."""
-        everything = tuple(range(len(self._poses)))
-        still = tuple(k for k in everything if k not in self._moving)
-        return everything if moving or not still else still
+        """The indices of the views that may be drawn: all that are not left out, or those of cameras that stand still
+        if there are any."""
+        still = tuple(k for k in self._there if k not in self._moving)
+        return self._there if moving or not still else still

@@ -17,6 +17,7 @@ from ..io.recording import Playhead, Recording, playback_index
 from ..io.tmiv import depth_path, texture_path
 from ..io.yuv import PixelFormat, from_texture
 from ..rig.camera import Camera
+from ..rig.left_out import LeftOut
 from ..rig.texture import to_rgb
 from ..rig.viewer import RenderedPicture, StereoView
 from ..settings import Settings
@@ -48,12 +49,16 @@ class RenderJob:
 
 
 class OfflineRenderer:
-    """Plays a job's frames in order and yields each output frame's pictures and its row of the report."""
+    """Plays a job's frames in order and yields each output frame's pictures and its row of the report.
+
+    left_out: the views that were left out of frames so far.
+    """
 
     def __init__(self, job: RenderJob, settings: Settings) -> None:
         self.job, self.settings = job, settings
         cameras = [job.recording.camera(name, 0) for name in job.sources]
         self.engine = Engine(cameras, settings, f_vin=job.recording.fps)
+        self.left_out = LeftOut()
         self._count = job.recording.frame_count
         self._playhead = Playhead(job.recording, job.sources)
 
@@ -62,7 +67,7 @@ class OfflineRenderer:
         job = self.job
         if job.history and self.settings.background:
             for index in range(min(job.start, self._count)):
-                self.engine.update(self._playhead.frame(index))
+                self.left_out.add(self.engine.update(self._playhead.frame(index)).left_out)
         for index in range(job.start, job.stop):
             viewers = job.targets(index)
             back_end, ingest = self._update(playback_index(index, self._count), viewers)
@@ -75,7 +80,9 @@ class OfflineRenderer:
         start = time.perf_counter()
         frame = self._playhead.frame(index)
         ingest = 1e3 * (time.perf_counter() - start)
-        return self.engine.update(frame, viewers), ingest
+        report = self.engine.update(frame, viewers)
+        self.left_out.add(report.left_out)
+        return report, ingest
 
     def _render(self, name: str, viewer: Viewer) -> dict[str, RenderedPicture]:
         if isinstance(viewer, Camera):
@@ -87,7 +94,7 @@ class OfflineRenderer:
         self, index: int, back_end: BackEndReport, ingest: float, pictures: dict[str, RenderedPicture]
     ) -> dict[str, Any]:
         stages = dict.fromkeys(STAGES, 0.0) | back_end.stages
-        stages["ingest"] = ingest + stages.pop("exposure")
+        stages["ingest"] = ingest + stages.pop("exposure", 0.0)
         for picture in pictures.values():
             for name, milliseconds in picture.report.stages.items():
                 stages[_PICTURE_STAGES[name]] += milliseconds

@@ -29,6 +29,8 @@ def selected(
 ) -> list[int]:
     """Indices of the n_render reference views for a viewer (section 3.1), of those that may be drawn, the most useful
     first."""
+    if not drawn:
+        return []
     target = head_camera(viewer, scene)
     chosen = select_views(target, [cameras[k] for k in drawn], settings.n_render, scene.depths_for(target))
     return [drawn[k] for k in chosen]

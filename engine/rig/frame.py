@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from .camera import Camera
 
-__all__ = ["Frame", "Lent", "Texture", "View"]
+__all__ = ["Fault", "Frame", "Lent", "Texture", "View"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,23 +32,41 @@ class Texture:
                 raise ValueError(f"{name}: shape {shape}: expected {((h + 1) // 2, (w + 1) // 2)} (4:2:0)")
 
 
+class Fault(NamedTuple):
+    """Why a view is left out of its frame: a short reason, by which such views are counted, and the detail for
+    people."""
+
+    reason: str
+    detail: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.reason}: {self.detail}" if self.detail else self.reason
+
+
 @dataclass(frozen=True, slots=True)
 class View:
     """One camera's texture and depth codes (uint16 [h, w], coded as in `camera.depth`) at one instant.
 
-    The camera's pose belongs to the view: a moving camera has another pose in every frame. Raises ValueError where a
-    shape does not fit the camera.
+    The camera's pose belongs to the view: a moving camera has another pose in every frame. A view with a `fault` is
+    left out of its frame: its arrays have the right shapes and any content, and nobody reads them. Raises ValueError
+    where a shape does not fit the camera.
     """
 
     camera: Camera
     texture: Texture
     codes: npt.NDArray[np.uint16]
+    fault: Fault | None = None
 
     def __post_init__(self) -> None:
         expected = (self.camera.height, self.camera.width)
         for name, shape in (("texture", self.texture.y.shape), ("codes", self.codes.shape)):
             if shape != expected:
                 raise ValueError(f"view {self.camera.name}: {name}: shape {shape}: expected {expected}")
+
+    @property
+    def there(self) -> bool:
+        """Whether the view is part of its frame."""
+        return self.fault is None
 
 
 class Lent(NamedTuple):
@@ -61,8 +79,18 @@ class Lent(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """All views of one instant, in the order of the sequence's source cameras."""
+    """A view of each of the sequence's source cameras at one instant, in their order; some may be left out (`View`)."""
 
     index: int
     views: tuple[View, ...]
     lent: Lent | None = None  # None: in this process only
+
+    @property
+    def there(self) -> list[int]:
+        """The indices of the views that are part of the frame."""
+        return [index for index, view in enumerate(self.views) if view.there]
+
+    @property
+    def faults(self) -> dict[str, Fault]:
+        """Why views are left out, by camera."""
+        return {view.camera.name: view.fault for view in self.views if view.fault is not None}

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numba
 import numpy as np
 import pytest
+from farside.engine.background.capture import Present as Evidence
 from farside.engine.background.model import BackgroundModel
 from farside.engine.geometry.embree import RayScene, intersect_address, occluded_address
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
@@ -18,7 +21,7 @@ from farside.engine.kernels.base.view_table import EDGE
 from farside.engine.pipeline.engine import Engine
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
-from farside.engine.rig.frame import Frame, View
+from farside.engine.rig.frame import Fault, Frame, View
 from farside.engine.settings import Settings
 from oracle import standing as slow
 from support.rooms import CODING, FAR_X, FAR_Y, NEAR_X, NEAR_Y, camera_row, texture_of, wall_with_window
@@ -97,6 +100,41 @@ def test_the_shown_surface_is_that_of_the_slow_choice(projection, near, seed):
     assert rays.min() == 1
     assert rays.max() >= 4
 
+
+@pytest.mark.parametrize("has_invalid", [True, False])
+@pytest.mark.parametrize("gone", range(4))
+def test_of_a_view_that_is_left_out_only_the_memory_counts(gone, has_invalid):
+    camera, meshes, views, uv = random_case(Perspective.from_fov(40, 30, 0.6), 0)
+    coding = dataclasses.replace(CODING, has_invalid=has_invalid)
+    if not has_invalid:  # what is not seen is far away
+        views = [(dataclasses.replace(view, depth=coding), present, memory) for view, present, memory in views]
+    scene, flags = RayScene(), [np.zeros(len(triangles), np.uint8) for _points, triangles, _owner in meshes]
+    for number, ((points, triangles, _owner), flag) in enumerate(zip(meshes, flags, strict=True)):
+        scene.set(number, points, triangles, flag)
+    scene.commit()
+    given = [prepared(view, present) for view, present, _memory in views]
+    given[gone].view = dataclasses.replace(given[gone].view, fault=Fault("missing"))
+    present = Evidence(0.0, ViewTable(given), {c: memory for c, (_view, _present, memory) in enumerate(views)})
+    surfaces, result = np.zeros((len(meshes), SURFACE_SIZE), np.int64), np.empty((len(uv), 4))
+    surfaces[:, CAMERA] = [owner for _points, _triangles, owner in meshes]
+    bounds = scene.bounds() + np.array([[-0.01], [0.01]])
+    tracer = Tracer(intersect_address(), occluded_address(), scene.address, bounds)
+    _hits(tracer, camera.packed(), uv, surfaces, present.packed(), DELTA, result)
+    asked = [(view, one.table_row[EDGE], *codes) for one, (view, *codes) in zip(given, views, strict=True)]
+    nothing = np.zeros_like(views[gone][1])  # its present view, in a coding in which that is no depth
+    blind = dataclasses.replace(views[gone][0], depth=CODING)
+    differs = 0
+    for (u, v), (distance, mesh, triangle, _rays) in zip(uv, result, strict=True):
+        found = [
+            slow.standing(camera, u, v, 0.0, meshes, asked, DELTA, {gone: (blind, nothing)} if left_out else {})
+            for left_out in (True, False)
+        ]
+        differs += found[0] != found[1]
+        assert (distance > 0) == np.isfinite(found[0][0])
+        if np.isfinite(found[0][0]):
+            assert distance == pytest.approx(found[0][0], abs=1e-4)
+            assert [mesh, triangle] == list(found[0][1:])
+    assert (differs > 0) == (gone != 3)  # the farthest surface is shown where no other stands
 
 @pytest.mark.parametrize(
     ("seen", "through", "shown"),

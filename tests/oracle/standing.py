@@ -33,10 +33,11 @@ def shows(camera, edge, codes, point, delta):
     return bool(depths.min() <= depth + around and depths.max() >= depth - around)
 
 
-def standing(camera, u, v, near, meshes, views, delta):
+def standing(camera, u, v, near, meshes, views, delta, instead=None):
     """(distance, mesh, triangle) of the surface shown behind (u, v); the distance is nan if there is none.
 
-    meshes: (points, triangles, owner); views: (camera, edge, present, memory), owners index them.
+    meshes: (points, triangles, owner); views: (camera, edge, present, memory), owners index them. instead: camera and
+    present codes of some views, by index, instead of theirs.
     """
     start, direction = pixel_ray(camera, u, v)
     axis = camera.unproject([u, v], 1.0) - np.asarray(camera.pose.position)
@@ -49,6 +50,7 @@ def standing(camera, u, v, near, meshes, views, delta):
     for t, number, i in hits:
         point = start + t * direction
         owner, edge, present, _memory = views[meshes[number][2]]
+        owner, present = (instead or {}).get(meshes[number][2], (owner, present))
         if shows(owner, edge, present, point, delta):
             return t, number, i
         if t >= hits[-1][0] - delta_at(delta, hits[-1][0]):
