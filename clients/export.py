@@ -9,6 +9,7 @@ from urllib.parse import quote
 import typer
 from farside.engine.io.mesh_files import FORMATS, colours_of
 from farside.engine.io.recording import open_recording
+from farside.engine.rig.left_out import LeftOut
 from farside.engine.settings import Settings
 from rich.console import Console
 from rich.progress import Progress
@@ -86,10 +87,12 @@ def _of_sequence(
         task = bar.add_task("loading the engine", total=count)
         from farside.engine.pipeline.engine import Engine  # imported late: compiled kernels take a moment to load
 
-        engine = Engine([sequence.camera(name) for name in names], settings, f_vin=sequence.fps)
+        engine, left_out = Engine([sequence.camera(name) for name in names], settings, f_vin=sequence.fps), LeftOut()
         for index, frame in enumerate(sequence.frames(0, count, names)):
-            engine.update(frame)
+            left_out.add(engine.update(frame).left_out)
             bar.update(task, completed=index + 1, description="building the model")
+        if told := str(left_out):
+            bar.console.print(f"views left out of frames: {told}", markup=False)
         bar.add_task("making the file", total=None)
         return engine.export(suffix, colours)
 

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 from farside.engine.io.rgbd_folder import RgbdFolder, is_rgbd_folder
 from farside.engine.io.tmiv_check import check_sequence
+from farside.engine.io.tmiv_empty import look_for_empty_views
 from farside.engine.io.tmiv_json import Description, TmivError, find_json, read_json
 from farside.engine.io.tmiv_look import look_at_first_frame
 from farside.engine.io.video_files import Kind, find_video
@@ -28,7 +29,8 @@ def command(
 ) -> None:
     """List what a sequence holds and what is wrong with it; the exit code is 2 if anything is wrong.
 
-    Warnings tell what seems to be wrong by a look at the first frame; they leave the exit code as it is.
+    Warnings tell what seems to be wrong by a look at the first frame, and which views show nothing; they leave the exit
+    code as it is.
     """
     console = Console(width=None if sys.stdout.isatty() else 140)
     if is_rgbd_folder(sequence):
@@ -39,7 +41,7 @@ def command(
         file = find_json(sequence)
         description, _ = read_json(file)
         _show(console, description, file.parent)
-        warnings = look_at_first_frame(file.parent, description)
+        warnings = look_at_first_frame(file.parent, description) + look_for_empty_views(file.parent, description)
     except (TmivError, OSError):
         pass  # check_sequence has reported it
     for kind, lines in (("[red]problem[/]", problems), ("[yellow]warning[/]", warnings)):

@@ -106,12 +106,16 @@ def command(
     start, stop = _frame_range(frames, count)
     job = RenderJob(opened, _sources(opened, sources), targets, start, stop, history)
     compile_shown([quality])
-    rows = _render(OfflineRenderer(job, settings), PictureWriter(out, png=png, masks=ppm_masks))
+    renderer = OfflineRenderer(job, settings)
+    rows = _render(renderer, PictureWriter(out, png=png, masks=ppm_masks))
     result = summary(rows, settings)
     if report is not None:
         report.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     median = {name: round(values["median"], 1) for name, values in result["summary"]["stages"].items()}
-    Console(stderr=True).print(f"{len(rows)} frames to {out}; median milliseconds a frame: {median}")
+    console = Console(stderr=True)
+    if left_out := str(renderer.left_out):
+        console.print(f"views left out of frames: {left_out}", markup=False)
+    console.print(f"{len(rows)} frames to {out}; median milliseconds a frame: {median}")
 
 
 def _render(renderer: OfflineRenderer, writer: PictureWriter) -> list[dict[str, Any]]:

@@ -14,11 +14,14 @@ __all__ = ["read_numbers"]
 
 _DELIMITERS = {",": "a comma", ";": "a semicolon", "\t": "a tab"}
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_NOT_FINITE = ("nan", "inf", "infinity")
 _SHOWN = 60  # characters of a line in a message
 
 
-def read_numbers(path: Path | str, columns: Sequence[str]) -> list[tuple[float, ...]]:
+def read_numbers(path: Path | str, columns: Sequence[str], *, gaps: bool = False) -> list[tuple[float, ...]]:
     """The rows of a CSV file with a header: the numbers of `columns`, in that order. Empty lines are left out.
+    With `gaps`, numbers need not be finite, empty cells are nan, and lines of only empty cells are rows, except at the
+    end.
 
     Cells are separated by commas, semicolons or tabs, and may be quoted. The header's names may differ in letter case,
     and there may be other columns. With semicolons or tabs, numbers may have decimal commas instead of points, the same
@@ -29,15 +32,18 @@ def read_numbers(path: Path | str, columns: Sequence[str]) -> list[tuple[float, 
     lines = [(number, line) for number, line in enumerate(read_text(path).split("\n"), 1) if line.strip()]
     if lines and re.fullmatch(r'"?sep=."?', lines[0][1].strip()):  # spreadsheets tell the delimiter to one another
         del lines[0]
-    table = _Table(path.name, tuple(columns), lines[0][1] if lines else "")
-    return [table.row(number, line) for number, line in lines[1:] if line.strip(f" \t\xa0{table.delimiter}")]
+    table = _Table(path.name, tuple(columns), lines[0][1] if lines else "", gaps)
+    empty = f" \t\xa0{table.delimiter}"
+    filled = [number for number, line in lines[1:] if line.strip(empty)]
+    last = filled[-1] if filled else 0
+    return [table.row(number, line) for number, line in lines[1:] if line.strip(empty) or (gaps and number < last)]
 
 
 class _Table:
     """A table whose header is known: its delimiter, its columns, and the decimal mark as soon as one was seen."""
 
-    def __init__(self, file: str, columns: tuple[str, ...], header: str) -> None:
-        self.file, self.columns = file, columns
+    def __init__(self, file: str, columns: tuple[str, ...], header: str, gaps: bool) -> None:
+        self.file, self.columns, self.gaps = file, columns, gaps
         for self.delimiter in _DELIMITERS:
             names = [cell.strip().casefold() for cell in self._cells(1, header)]
             if {name.casefold() for name in columns} <= set(names):
@@ -72,6 +78,8 @@ class _Table:
     def _number(self, line: int, column: str, cell: str) -> float:
         place = f"{self.file}: line {line}: {column}: {_short(cell)}"
         text = cell.replace("\N{MINUS SIGN}", "-")
+        if self.gaps and (not text or text.lower().lstrip("+-") in _NOT_FINITE):
+            return float(text or "nan")
         mark = next((mark for mark in ".," if mark in text), "")
         if mark == "," and self.delimiter == ",":
             raise ValueError(f"{place}: expected a decimal point; decimal commas need semicolons between cells")

@@ -7,11 +7,14 @@ import dataclasses
 import math
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 from ..rig.camera import Camera, Pose
+from ..rig.frame import Fault
+from ..rig.pose_watch import PoseWatch, not_a_pose
 from .number_table import read_numbers
 
-__all__ = ["euler_degrees", "read_pose_trace", "read_poses", "write_poses"]
+__all__ = ["CameraPoses", "euler_degrees", "read_camera_poses", "read_pose_trace", "read_poses", "write_poses"]
 
 COLUMNS = ("X", "Y", "Z", "Yaw", "Pitch", "Roll")
 
@@ -24,7 +27,47 @@ def read_poses(path: Path | str) -> list[Pose]:
     rows = read_numbers(path, COLUMNS)
     if not rows:
         raise ValueError(f"{Path(path).name}: 0 rows: expected a row a frame")
-    return [Pose.from_euler(row[:3], *map(math.radians, row[3:])) for row in rows]
+    return [_pose(row) for row in rows]
+
+
+class CameraPoses(NamedTuple):
+    """The poses of a moving camera, one per frame, and why some frames have none. In place of such a pose is the last
+    one before, or at the start the first."""
+
+    poses: list[Pose]
+    faults: dict[int, Fault]  # by frame
+
+    def said(self) -> str:
+        """How many frames have no pose, for people; "" if all have one."""
+        if not self.faults:
+            return ""
+        frame, fault = next(iter(self.faults.items()))
+        some = f"{len(self.faults)} of {len(self.poses)} rows are no pose of the camera"
+        return f"{some}, which is left out of those frames (the first is of frame {frame}: {fault.detail})"
+
+
+def read_camera_poses(path: Path | str, fps: float | None = None) -> CameraPoses:
+    """As `read_poses`, but a row may hold no pose: its numbers are not finite, or cells are empty. fps: frames a
+    second, if a pose to which a camera cannot have moved (`rig.pose_watch`) counts as none too. Raises ValueError if no
+    row holds a pose."""
+    rows = read_numbers(path, COLUMNS, gaps=True)
+    poses: list[Pose | None] = []
+    faults: dict[int, Fault] = {}
+    watch = None if fps is None else PoseWatch(fps)
+    for frame, row in enumerate(rows):
+        pose = _pose(row) if all(map(math.isfinite, row)) else None
+        fault = not_a_pose(row) if pose is None else watch.jump(frame, pose) if watch else None
+        if fault is not None:
+            faults[frame] = fault
+        poses.append(None if fault else pose)
+    last = next((pose for pose in poses if pose is not None), None)
+    if last is None:
+        raise ValueError(f"{Path(path).name}: {len(rows)} rows, none with a pose: expected a row a frame")
+    return CameraPoses([last := pose or last for pose in poses], faults)
+
+
+def _pose(row: tuple[float, ...]) -> Pose:
+    return Pose.from_euler(row[:3], *map(math.radians, row[3:]))
 
 
 def read_pose_trace(path: Path | str, viewport: Camera) -> list[Pose]:

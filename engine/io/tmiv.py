@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ..rig.camera import Camera, Pose
 from ..rig.frame import Frame, Texture, View
 from .file_names import find_path
-from .pose_trace import read_poses
+from .pose_trace import CameraPoses, read_camera_poses
 from .tmiv_json import Description, TmivError, find_json, read_json
 from .tmiv_writer import SequenceWriter
 from .video_files import Kind, depth_path, find_video, look_alikes, texture_path
@@ -49,9 +49,13 @@ class Sequence:
         self.source_names = description.source_names
         given = {} if moving is None else {name: str(path) for name, path in moving.items()}
         self._pose_files = {**description.pose_files, **given}  # of the JSON below the folder, given ones anywhere
-        self._poses = {
-            name: _poses(None if name in given else folder, name, file) for name, file in self._pose_files.items()
+        self._read = {
+            name: _poses(
+                None if name in given else folder, name, file, self.fps if name in self.source_names else None
+            )
+            for name, file in self._pose_files.items()
         }
+        self._poses = {name: read.poses for name, read in self._read.items()}
         self._videos: dict[tuple[str, Kind], RawVideo] = {}
         self.cameras = {name: self._with_file_bits(camera) for name, camera in description.cameras.items()}
 
@@ -83,6 +87,14 @@ class Sequence:
         short += [f"{file} has {rows} rows" for file, rows in self._rows_of_poses().items() if rows < held]
         return f"{held - count} of {held} frames left out: {'; '.join(short)}" if count < held else ""
 
+    def lost_poses(self) -> list[str]:
+        """What is wrong with the poses of moving cameras, one line a camera, for people."""
+        return [
+            f"camera {name}: Poses: {self._pose_files[name]}: {read.said()}"
+            for name, read in self._read.items()
+            if read.faults
+        ]
+
     @property
     def camera_names(self) -> tuple[str, ...]:
         """Every camera of the JSON, also virtual ones."""
@@ -96,9 +108,10 @@ class Sequence:
         return tuple(name for name, video in videos.items() if video is not None and video.frame_count)
 
     def camera(self, name: str, frame: int = 0) -> Camera:
-        """A camera with its pose in a frame; a moving camera has another pose in every frame.
+        """A camera with its pose in a frame; a moving camera has another pose in every frame. If the row of a frame
+        holds no pose, it is the one of `pose_trace.CameraPoses`.
 
-        Raises TmivError for an unknown camera, or a frame for which a moving camera has no pose.
+        Raises TmivError for an unknown camera, or a frame beyond the rows of a moving camera.
         """
         if name not in self.cameras:
             raise TmivError(f"camera: {name!r}: expected one of {', '.join(self.cameras)}")
@@ -136,8 +149,9 @@ class Sequence:
         return self.video(name, "depth").codes(frame)
 
     def view(self, name: str, frame: int) -> View:
-        """One camera's texture and depth codes, with its pose in that frame."""
-        return View(self.camera(name, frame), self.texture(name, frame), self.codes(name, frame))
+        """One camera's texture and depth codes, with its pose in that frame; left out if it has no pose there."""
+        fault = self._read[name].faults.get(frame) if name in self._read else None
+        return View(self.camera(name, frame), self.texture(name, frame), self.codes(name, frame), fault)
 
     def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
         """The source views (or the named ones) of one instant."""
@@ -178,9 +192,9 @@ def _a_frame(video: RawVideo) -> str:
     return f"{video.frame_bytes}, a frame of {video.width}x{video.height} {video.format.name}"
 
 
-def _poses(folder: Path | None, name: str, file: str) -> list[Pose]:
+def _poses(folder: Path | None, name: str, file: str, fps: float | None) -> CameraPoses:
     try:
-        return read_poses(file if folder is None else find_path(folder, file))
+        return read_camera_poses(file if folder is None else find_path(folder, file), fps)
     except (OSError, ValueError) as error:
         raise TmivError(f"camera {name}: Poses: {error}") from error
 
@@ -208,4 +222,6 @@ def open_sequence(
     with contextlib.suppress(TmivError):
         if not growing and (left_out := sequence.left_out()):
             _log.warning("%s: %s", file.parent, left_out)
+    for lost in () if growing else sequence.lost_poses():
+        _log.warning("%s: %s", file.parent, lost)
     return sequence

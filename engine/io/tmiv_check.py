@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..rig.camera import Camera
 from .file_names import entries, find_path, same_name
-from .pose_trace import read_poses
+from .pose_trace import read_camera_poses
 from .tmiv_json import Description, TmivError, find_json, read_json
 from .video_files import Kind, depth_path, find_video, look_alikes, texture_path
 from .yuv import PIXEL_FORMATS, RawVideo
@@ -105,10 +105,15 @@ def _check_poses(folder: Path, description: Description, frames: int) -> list[st
     problems = []
     for name, file in description.pose_files.items():
         try:
-            rows = len(read_poses(find_path(folder, file)))
+            is_source = name in description.source_names
+            read = read_camera_poses(find_path(folder, file), description.fps if is_source else None)
         except (ValueError, OSError) as error:
             problems.append(f"camera {name}: Poses: {error}")
             continue
-        if rows < frames:
-            problems.append(f"camera {name}: Poses: {file} has {rows} rows: expected {frames}, a row a frame")
+        if len(read.poses) < frames:
+            problems.append(
+                f"camera {name}: Poses: {file} has {len(read.poses)} rows: expected {frames}, a row a frame"
+            )
+        if read.faults:
+            problems.append(f"camera {name}: Poses: {file}: {read.said()}")
     return problems

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from farside.engine.io.pose_trace import read_pose_trace, read_poses, write_poses
+from farside.engine.io.pose_trace import read_camera_poses, read_pose_trace, read_poses, write_poses
 from farside.engine.io.recording import ToAndFro, playback_index
 from farside.engine.io.tmiv import SequenceWriter, TmivError, open_sequence
 from farside.engine.io.tmiv_check import check_sequence
@@ -384,3 +384,77 @@ def test_raw_video_without_chroma_is_grey(tmp_path: Path) -> None:
     assert (texture.cb == 512).all()
     with pytest.raises(ValueError, match="plane: 1: gray has 1"):
         video.plane(0, 1)
+
+
+HEADER = "X,Y,Z,Yaw,Pitch,Roll\n"
+LOST = {
+    "not a number": "nan,nan,nan,nan,nan,nan",
+    "infinite": "-inf,-inf,-inf,nan,nan,nan",
+    "one cell": "0,1,2,0,NaN,0",
+    "no cell filled": ",,,,,",
+    "one cell empty": "0,1,,0,0,0",
+    "cut short": "0,1",
+    "a jump": "0,1e6,2,0,0,0",
+    "beyond what is finite": "0,Infinity,2,0,0,0",
+}
+
+
+@pytest.mark.parametrize("frame", range(3))
+@pytest.mark.parametrize("row", LOST.values(), ids=LOST)
+def test_a_row_that_is_no_pose_leaves_its_view_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, row: str, frame: int
+) -> None:
+    folder = write(tmp_path / "S")
+    rows = [f"{x},1,2,0,0,0" for x in (0.0, 0.25, 0.5)]
+    poses = folder / "v1_poses.csv"
+    poses.write_text(HEADER + "\n".join([*rows[:frame], row, *rows[frame + 1 :]]) + "\n,,,,,\n")
+    if row == LOST["no cell filled"] and frame == 2:  # as a spreadsheet ends a table
+        assert open_sequence(folder).frame_count == 2
+        return
+    if row == LOST["a jump"] and frame == 0:
+        frame = 1  # the second pose jumps; the third one confirms it
+    sequence = open_sequence(folder)
+    assert sequence.frame_count == 3
+    assert len(caplog.messages) == 1
+    assert re.search(rf"v1: Poses: v1_poses\.csv: 1 of 3 rows are no pose.*the first is of frame {frame}", caplog.text)
+    assert len(sequence.poses("v1")) == 3
+    for index, one in enumerate(sequence.frames()):
+        assert [view.there for view in one.views] == [True, index != frame]
+        assert one.faults.keys() == ({"v1"} if index == frame else set())
+        assert np.isfinite(sequence.camera("v1", index).pose.position).all()
+    (problem,) = check_sequence(folder)
+    assert f"the first is of frame {frame}" in problem
+    assert sequence.frame(frame, ["v0"]).there == [0]
+
+
+def test_rows_that_are_no_pose_take_the_last_one_before(tmp_path: Path) -> None:
+    path = tmp_path / "p.csv"
+    path.write_text(HEADER + "nan,0,0,0,0,0\n1,0,0,0,0,0\n,,,,,\n2,0,0,0,0,0\n3,0,0,inf,0,0\n")
+    read = read_camera_poses(path)
+    assert [pose.position[0] for pose in read.poses] == [1.0, 1.0, 1.0, 2.0, 2.0]
+    assert list(read.faults) == [0, 2, 4]
+    assert all(fault.reason == "pose" for fault in read.faults.values())
+
+
+@pytest.mark.parametrize(("text", "message"), [("nan,0,0,0,0,0\n", "1 rows, none with a pose"), ("", "0 rows")])
+def test_a_camera_needs_one_pose(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "p.csv"
+    path.write_text(HEADER + text)
+    with pytest.raises(ValueError, match=rf"p\.csv: {message}"):
+        read_camera_poses(path)
+
+
+def test_a_cell_of_other_words_is_still_wrong(tmp_path: Path) -> None:
+    path = tmp_path / "p.csv"
+    path.write_text(HEADER + "0,0,0,0,0,-\n")
+    with pytest.raises(ValueError, match="line 2: Roll: '-': expected a finite number"):
+        read_camera_poses(path)
+
+
+def test_a_virtual_camera_may_jump(tmp_path: Path) -> None:
+    """Films are cut."""
+    folder = write(tmp_path / "S")
+    edit(folder, t0__Poses="t0.csv")
+    (folder / "t0.csv").write_text(HEADER + "0,0,0,0,0,0\n900,0,0,0,0,0\n0,0,0,0,0,0\n")
+    assert [open_sequence(folder).camera("t0", frame).pose.position[0] for frame in range(3)] == [0.0, 900.0, 0.0]
+    assert check_sequence(folder) == []
