@@ -54,6 +54,13 @@ class _Figures(Collector):
         for outcome, count in status["frames"].items():
             frames.add_metric([outcome], count)
         yield frames
+        left_out = CounterMetricFamily(
+            "farside_views_left_out", "Views left out of their frame, by camera and reason", labels=["camera", "reason"]
+        )
+        for camera, reasons in status["left_out"].items():
+            for reason, count in reasons.items():
+                left_out.add_metric([camera, reason], count)
+        yield left_out
         stages = GaugeMetricFamily("farside_stage_ms", "Milliseconds that a stage takes", labels=["stage", "quantile"])
         for stage, summary in status["stages_ms"].items():
             stages.add_metric([stage, "0.5"], summary["p50"])

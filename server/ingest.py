@@ -13,6 +13,7 @@ from typing import NoReturn
 from farside.engine.live.back_buffer import BackBuffer, OrderError
 from farside.engine.live.core import CoreLostError, Source
 from farside.engine.live.frame_memory import FrameBuffer, FrameBuffers
+from farside.engine.live.left_out import Settled
 from farside.engine.rig.frame import Frame, View
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -79,7 +80,7 @@ class _Ingest:
         self._buffers = FrameBuffers(hello.cameras, BUFFERS, name, partial(_wake, loop, self._freed))
         self._granted: dict[int, FrameBuffer] = {}
         self._arriving: FrameBuffer | None = None
-        self._settled: asyncio.Queue[tuple[int, asyncio.Future[bool]]] = asyncio.Queue()
+        self._settled: asyncio.Queue[tuple[int, asyncio.Future[Settled]]] = asyncio.Queue()
         self._credits = asyncio.Semaphore(CREDITS)  # nothing more is read from a source that ignores its credits
         shares = hello.shares and _on_this_machine(socket)
         self.memory = SharedMemory(os.getpid(), name, tuple(self._buffers.files)) if shares else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ..rig.frame import Frame, View
 
@@ -18,12 +18,36 @@ class OrderError(ValueError):
 
 
 class BackBuffer:
-    """The frames of one source, one after the other. Within a frame, views come in any order, each once."""
+    """The frames of one source, one after the other. Within a frame, views come in any order, each once.
+
+    A frame may be closed although views are missing; they are late if they come after that.
+    """
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)
         self._frame = -1
         self._views: dict[str, View] = {}
+        self._gone_without: tuple[int, frozenset[str]] = -1, frozenset()  # the last frame that was closed
+
+    @property
+    def missing(self) -> list[str]:
+        """The cameras whose views the frame lacks that is incomplete; none if no frame is."""
+        return [name for name in self._names if name not in self._views] if self._views else []
+
+    def is_next(self, frame: int) -> bool:
+        """Whether a view is of a later frame than the one that is incomplete."""
+        return bool(self._views) and frame > self._frame
+
+    def is_late(self, frame: int, name: str) -> bool:
+        """Whether a view is one of those that the last closed frame went without."""
+        return frame == self._gone_without[0] and name in self._gone_without[1]
+
+    def close(self, left_out: Callable[[str], View]) -> Frame:
+        """The frame that is incomplete, as it is; `left_out` makes the views in place of those that are missing."""
+        missing = self.missing
+        self._gone_without = self._frame, frozenset(missing)
+        self._views |= {name: left_out(name) for name in missing}
+        return self._complete()
 
     def clear(self) -> None:
         """Lets go of the views of a frame that is not complete."""
@@ -47,5 +71,8 @@ class BackBuffer:
         self._views[name] = view
         if len(self._views) < len(self._names):
             return None
+        return self._complete()
+
+    def _complete(self) -> Frame:
         views, self._views = self._views, {}
-        return Frame(frame, tuple(views[name] for name in self._names))
+        return Frame(self._frame, tuple(views[name] for name in self._names))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..rig.camera import Camera
-from ..rig.frame import Frame
+from ..rig.frame import Fault, Frame
 from ..rig.viewer import EncodedPair, StereoView
 from ..settings import Settings
 from ..support.stages import Stages, timed
@@ -31,10 +31,16 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Updated:
-    """A core's report on an update: milliseconds per stage (and `total`), and the core's status after it."""
+    """A core's report on an update: milliseconds per stage (and `total`), and the core's status after it.
+
+    left_out: why views were left out of the frame, by camera. shown: whether the frame is what pictures show now; not
+    if all of its views were left out.
+    """
 
     stages: Mapping[str, float]
     status: Mapping[str, Any]
+    left_out: Mapping[str, Fault] = field(default_factory=dict)
+    shown: bool = True
 
 
 class CoreLostError(RuntimeError):
@@ -93,7 +99,8 @@ class LocalCore:
         self._engine.f_vin = f_vin
         with timed(whole := Stages(), "total"):
             report = self._engine.update(frame, look, speeds)
-        return Updated({**report.stages, **whole}, self._engine.status())
+        shown = len(report.left_out) < len(frame.views)
+        return Updated({**report.stages, **whole}, self._engine.status(), report.left_out, shown)
 
     def picture(self, view: StereoView, viewer: str, encoding: str) -> EncodedPair:
         """Both eyes, each encoded in the thread that rendered it."""

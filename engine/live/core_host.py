@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from ..rig.camera import Camera
-from ..rig.frame import Frame, Lent, View
+from ..rig.frame import Fault, Frame, Lent, View
 from ..rig.viewer import StereoView
 from .core import Core, Updated
 from .frame_memory import lay_out, map_memory
@@ -55,9 +55,10 @@ class _Host:
         self._maps: dict[Lent, Any] = {}
 
     def frame(
-        self, line: Connection, number: int, index: int, cameras: tuple[Camera, ...], lent: Lent
+        self, line: Connection, number: int, index: int, views: tuple[tuple[Camera, Fault | None], ...], lent: Lent
     ) -> Frame:
         """A frame in lent memory; its number is added to `released` when its planes are gone."""
+        cameras = tuple(camera for camera, _ in views)
         if lent not in self._maps:
             # Memory under another name is of an earlier source and is not lent again.
             self._maps = {known: memory for known, memory in self._maps.items() if known.name == lent.name}
@@ -69,7 +70,7 @@ class _Host:
         memory = np.frombuffer(self._maps[lent], np.uint8)
         weakref.finalize(memory, self.released.append, number).atexit = False
         planes = lay_out(memory, cameras)
-        return Frame(index, tuple(View(camera, *planes[camera.name]) for camera in cameras))
+        return Frame(index, tuple(View(camera, *planes[camera.name], fault) for camera, fault in views))
 
     def take_released(self) -> list[int]:
         """Numbers of the frames released since the last call."""
@@ -107,7 +108,7 @@ def run(host: _Host, line: Connection, work: Callable[..., Any], *arguments: Any
 def update(
     host: _Host, line: Connection, number: int, what: Any, speeds: Mapping[str, float], f_vin: float
 ) -> Updated:
-    """Work: let the core take a frame, or the index, cameras and memory of one."""
+    """Work: let the core take a frame, or the index, views (cameras and faults) and memory of one."""
 
     def look() -> Mapping[str, StereoView]:
         line.send_bytes(pickle.dumps(Question()))

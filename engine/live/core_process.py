@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import pickle
 import signal
@@ -78,14 +79,14 @@ class ProcessCore:
             os.fstat(frame.lent.file)
         number = next(self._numbers)
         self._frames[number] = frame
-        cameras = tuple(view.camera for view in frame.views)
-        what = (frame.index, cameras, frame.lent) if frame.lent is not None else frame
+        views = tuple((view.camera, view.fault) for view in frame.views)
+        what = (frame.index, views, frame.lent) if frame.lent is not None else frame
         try:
             updated: Updated = self._ask(update, number, what, dict(speeds), f_vin, look=look)
         finally:
             if frame.lent is None:  # the process has a copy
                 del self._frames[number]
-        return Updated(updated.stages, {**updated.status, "pid": self.pid})
+        return dataclasses.replace(updated, status={**updated.status, "pid": self.pid})
 
     def picture(self, view: StereoView, viewer: str, encoding: str) -> EncodedPair:
         """Both eyes' pictures of the newest frame, encoded in that process."""

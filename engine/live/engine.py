@@ -11,7 +11,6 @@ import asyncio
 import logging
 import math
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager, contextmanager
@@ -20,8 +19,10 @@ from typing import Any, Self
 
 from ..rig.frame import Frame
 from ..rig.viewer import EncodedPair, StereoView
-from .core import Core, CoreLostError, Source
+from .core import Core, CoreLostError, Source, Updated
+from .core_uses import CoreUses
 from .governor import Governor
+from .left_out import LeftOutLog, Settled
 from .timing import Activity, Longest, Rate, StallMonitor, Timings
 from .update_priority import FIRM, GENTLE, Patience
 from .viewer import LiveViewer
@@ -55,11 +56,9 @@ class Live(AbstractAsyncContextManager["Live"]):
         self._tasks: list[asyncio.Task[None]] = []
         self._viewers: dict[str, LiveViewer[Any]] = {}
         self._core: Core | None = None
-        self._uses: Counter[int] = Counter()  # calls under way, by the core's id
-        self._retired: dict[int, Core] = {}  # cores that are to be closed when their last call has ended, by their id
-        self._closing: set[asyncio.Task[None]] = set()
+        self._uses = CoreUses()
         self._core_status: dict[str, Any] = {}
-        self._pending: tuple[Frame, asyncio.Future[bool]] | None = None
+        self._pending: tuple[Frame, asyncio.Future[Settled]] | None = None
         self._arrived = asyncio.Event()
         self._opening = asyncio.Lock()
         self.source: Source | None = None
@@ -69,6 +68,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         self.timings = Timings()
         self._longest_picture, self._longest_in_update = Longest(), Longest()
         self.frames = {"updated": 0, "dropped": 0, "failed": 0}
+        self.left_out = LeftOutLog()
         self.frame_rate, self.picture_rate = Rate(), Rate()
 
     async def __aenter__(self) -> Self:
@@ -85,7 +85,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         self._drop_pending()
         for pool in (*self._back_ends.values(), self._front_end, self._exports):
             await asyncio.to_thread(pool.shutdown, wait=True, cancel_futures=True)
-        await asyncio.gather(*self._closing)
+        await self._uses.closed()
         for core in filter(None, (self._core, None if self.shown is self._core else self.shown)):
             await asyncio.to_thread(core.close)
 
@@ -100,35 +100,13 @@ class Live(AbstractAsyncContextManager["Live"]):
                 core = await self._make(source)
                 former = {id(old): old for old in (self._core, self.shown) if old is not None}
                 self._drop_pending()  # a frame offered meanwhile was for the core before
-                self._core = core
+                self._core, self.left_out = core, LeftOutLog()
                 self.shown, self._core_status = None, {}
                 for old in former.values():
-                    self._retire(old)
+                    self._uses.retire(old)
                 self._retune()
             self.source = source
             self._wake_viewers()
-
-    @contextmanager
-    def _using(self, core: Core) -> Iterator[None]:
-        """A core is asked for something while the block runs: it is not closed meanwhile."""
-        self._uses[id(core)] += 1
-        try:
-            yield
-        finally:
-            self._uses[id(core)] -= 1
-            if id(core) in self._retired:
-                self._retire(core)
-
-    def _retire(self, core: Core) -> None:
-        """Close a core that another one has replaced, once nothing is asked of it any more. To wait for the collection
-        of garbage would keep its process, and hundreds of megabytes, for minutes."""
-        if self._uses[id(core)]:
-            self._retired[id(core)] = core
-        else:
-            self._retired.pop(id(core), None)
-            del self._uses[id(core)]
-            self._closing.add(closing := asyncio.create_task(asyncio.to_thread(core.close)))
-            closing.add_done_callback(self._closing.discard)
 
     async def _make(self, source: Source) -> Core:
         core = await asyncio.to_thread(self._make_core, source)
@@ -137,25 +115,30 @@ class Live(AbstractAsyncContextManager["Live"]):
             await loop.run_in_executor(thread, core.give_way, niceness)  # a late picture is noticed more than a frame
         return core
 
-    def offer(self, frame: Frame) -> asyncio.Future[bool]:
-        """Offer a complete frame. The future is True if the frame was shown, False if a newer one overtook it.
+    def offer(self, frame: Frame) -> asyncio.Future[Settled]:
+        """Offer a complete frame. The future is true if the frame was shown, false if a newer one overtook it or all of
+        its views were left out.
 
         Raises RuntimeError before a source was opened.
         """
         if self._core is None:
             raise RuntimeError("no source was opened")
+        self.left_out.note(frame.index, frame.faults)
         self._drop_pending()
-        settled: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
+        settled: asyncio.Future[Settled] = asyncio.get_running_loop().create_future()
         self._pending = frame, settled
         self._arrived.set()
         return settled
 
     def _drop_pending(self) -> None:
         if self._pending is not None:
-            (_, settled), self._pending = self._pending, None
-            self.frames["dropped"] += 1
-            if not settled.done():
-                settled.set_result(False)
+            (frame, settled), self._pending = self._pending, None
+            self._settle(settled, Settled(False, frame.faults))
+
+    def _settle(self, settled: asyncio.Future[Settled], outcome: Settled) -> None:
+        self.frames["updated" if outcome else "dropped"] += 1
+        if not settled.done():
+            settled.set_result(outcome)
 
     async def _run_back_end(self) -> None:
         while True:
@@ -171,13 +154,13 @@ class Live(AbstractAsyncContextManager["Live"]):
                 settled.cancel()  # has an effect only if a shutdown interrupted the update
                 del frame, settled  # the next one may be long in coming
 
-    async def _update(self, core: Core, source: Source, frame: Frame, settled: asyncio.Future[bool]) -> None:
+    async def _update(self, core: Core, source: Source, frame: Frame, settled: asyncio.Future[Settled]) -> None:
         speeds = {name: viewer.speed for name, viewer in self._viewers.items()}
         # The PBI has to last until the next one is ready, so the attained rate counts, not the nominal one.
         f_vin = min(source.fps, self.frame_rate.per_second() or source.fps)
         loop, start, first = asyncio.get_running_loop(), time.monotonic(), self.shown is not core
         try:
-            with self._updates.running(), self._using(core):
+            with self._updates.running(), self._uses.using(core):
                 updated = await loop.run_in_executor(
                     self._back_ends[self._patience.niceness], core.update, frame, self._look, speeds, f_vin
                 )
@@ -185,23 +168,29 @@ class Live(AbstractAsyncContextManager["Live"]):
             self._fail(frame, settled, error)
             self._give_up(core, error)
             return
-        if not first:
+        found = {name: fault for name, fault in updated.left_out.items() if name not in frame.faults}
+        if core is self._core:
+            self.left_out.note(frame.index, found, waiting=first and not updated.shown)
+        if updated.shown:
+            self._show(core, source, updated, None if first else start)
+        self._settle(settled, Settled(updated.shown, updated.left_out))
+
+    def _show(self, core: Core, source: Source, updated: Updated, start: float | None) -> None:
+        """Account for an update that began at `start` (monotonic clock, s; None: the first one), and show its frame."""
+        if start is not None:
             self._patience.observe(time.monotonic() - start, 1.0 / source.fps)
         self.timings.add(updated.stages, "update.")
-        self.frames["updated"] += 1
         self.frame_rate.count()
         self._core_status = dict(updated.status)
         if core is self._core and self.shown is not core:
             self.shown = core
             self._wake_viewers()
-        if not settled.done():
-            settled.set_result(True)
 
     def _look(self) -> dict[str, StereoView]:
         """The present views of all viewers; called in any thread."""
         return {name: viewer.view for name, viewer in list(self._viewers.items())}
 
-    def _fail(self, frame: Frame, settled: asyncio.Future[bool], error: Exception) -> None:
+    def _fail(self, frame: Frame, settled: asyncio.Future[Settled], error: Exception) -> None:
         _log.error("frame %d could not be taken", frame.index, exc_info=error)
         self.frames["failed"] += 1
         if not settled.done():
@@ -226,7 +215,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         """A viewer's pair, rendered and encoded in a render thread."""
         loop, start = asyncio.get_running_loop(), time.monotonic()
         try:
-            with self._using(core):
+            with self._uses.using(core):
                 pair = await loop.run_in_executor(self._front_end, core.picture, view, viewer, encoding)
         except CoreLostError as error:
             self._give_up(core, error)
@@ -268,7 +257,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         if core is None:
             raise ValueError("mesh: there is none before the first frame: expected a source to be playing")
         loop = asyncio.get_running_loop()
-        with self._using(core):
+        with self._uses.using(core):
             await loop.run_in_executor(self._exports, core.give_way, GENTLE)
             return await loop.run_in_executor(self._exports, core.mesh, file_format, colours)
 
@@ -284,6 +273,7 @@ class Live(AbstractAsyncContextManager["Live"]):
             "source": source
             and {"name": source.name, "fps": source.fps, "cameras": [c.name for c in source.cameras]},
             "frames": dict(self.frames),
+            "left_out": self.left_out.counts(),
             "updating": self._updates.since(math.inf),
             "update_niceness": self._patience.niceness,
             "rates": {"f_vin": self.frame_rate.per_second(), "f_ren": self.picture_rate.per_second()},

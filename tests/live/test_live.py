@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import os
 import threading
 from collections.abc import Awaitable, Callable
@@ -21,6 +22,7 @@ from farside.engine.live.timing import Activity, Longest, Rate, StallMonitor, Ti
 from farside.engine.live.update_priority import FIRM, GENTLE, Patience
 from farside.engine.live.viewer import HeadPose, LiveViewer
 from farside.engine.rig.camera import Camera, Pose
+from farside.engine.rig.frame import Fault, Frame
 from farside.engine.rig.viewer import EncodedPair, StereoView
 from support.clocks import Clock
 from support.doubles import CAMERAS, HANG_S, Cores, FakeCore, Gate, a_frame, a_view
@@ -106,6 +108,23 @@ def test_a_camera_that_was_not_announced_is_refused() -> None:
         BackBuffer(["v0", "v1"]).add(0, a_view(stranger))
 
 
+def test_a_frame_is_closed_without_the_views_that_are_missing_and_these_are_late_then() -> None:
+    buffer, missing = BackBuffer(["v0", "v1"]), Fault("missing")
+    assert buffer.missing == []
+    buffer.add(4, a_view(CAMERAS[1]))
+    assert buffer.missing == ["v0"]
+    assert [buffer.is_next(frame) for frame in (3, 4, 5)] == [False, False, True]
+    assert not buffer.is_late(4, "v0")
+    frame = buffer.close(lambda name: dataclasses.replace(a_view(CAMERAS[int(name[1])]), fault=missing))
+    assert (frame.index, frame.faults, frame.there) == (4, {"v0": missing}, [1])
+    assert [view.camera.name for view in frame.views] == ["v0", "v1"]
+    for _ in range(2):  # also while the next frame is incomplete
+        late = [buffer.is_late(*view) for view in ((4, "v0"), (4, "v1"), (3, "v0"), (5, "v0"))]
+        assert late == [True, False, False, False]
+        if not buffer.missing:
+            buffer.add(5, a_view(CAMERAS[1]))
+
+
 # The back end
 
 
@@ -119,7 +138,7 @@ def test_the_newest_frame_overtakes_the_waiting_one() -> None:
             first = live.offer(a_frame(0))
             await asyncio.to_thread(core.updating.entered.wait, HANG_S)
             waiting = [live.offer(a_frame(i)) for i in (1, 2, 3)]
-            assert [await settled for settled in waiting[:2]] == [False, False]  # while 0 is still under way
+            assert [bool(await settled) for settled in waiting[:2]] == [False, False]  # while 0 is still under way
             core.updating.open()
             assert await first
             assert await waiting[2]
@@ -127,6 +146,68 @@ def test_the_newest_frame_overtakes_the_waiting_one() -> None:
             assert live.frames == {"updated": 2, "dropped": 2, "failed": 0}
 
     run(scenario)
+
+
+def without(frame: Frame, **faults: Fault) -> Frame:
+    views = (dataclasses.replace(view, fault=faults.get(view.camera.name)) for view in frame.views)
+    return dataclasses.replace(frame, views=tuple(views))
+
+
+def test_views_that_are_left_out_are_counted_once_each_and_named_once(caplog: pytest.LogCaptureFixture) -> None:
+    """Whoever finds the fault, and whether or not the frame is shown."""
+    damaged, dark = Fault("texture", "12 bytes: expected a JPEG"), Fault("black", "no light")
+
+    async def scenario() -> None:
+        cores = Cores()
+        async with Live(cores) as live:
+            await live.open(SOURCE)
+            (core,) = cores.made
+            core.dark = {1: {"v1": dark}, 2: {"v1": dark}}
+            settled = await live.offer(without(a_frame(0), v0=damaged))
+            assert (settled.shown, settled.left_out) == (True, {"v0": damaged})
+            settled = await live.offer(without(a_frame(1), v0=damaged))
+            assert (settled.shown, settled.left_out) == (False, {"v0": damaged, "v1": dark})  # nothing is left
+            settled = await live.offer(a_frame(2))
+            assert (settled.shown, settled.left_out) == (True, {"v1": dark})
+            core.updating.close()
+            first = live.offer(a_frame(3))
+            await asyncio.to_thread(core.updating.entered.wait, HANG_S)
+            overtaken, last = live.offer(without(a_frame(4), v0=Fault("pose"))), live.offer(a_frame(5))
+            core.updating.open()
+            assert (await overtaken).left_out == {"v0": Fault("pose")}
+            assert (await first).shown
+            assert (await last).left_out == {}
+            assert live.status()["left_out"] == {"v0": {"texture": 2, "pose": 1}, "v1": {"black": 2}}
+            assert live.frames == {"updated": 4, "dropped": 2, "failed": 0}
+            other = dataclasses.replace(SOURCE, cameras=CAMERAS[:1])
+            await live.open(other)
+            assert live.status()["left_out"] == {}  # the other rig's
+
+    run(scenario)
+    said = [record.getMessage() for record in caplog.records if "left out" in record.getMessage()]
+    assert said == [
+        "camera v0: left out of frame 0: texture: 12 bytes: expected a JPEG (from now on only counted)",
+        "camera v1: left out of frame 1: black: no light (from now on only counted)",
+        "camera v0: left out of frame 4: pose (from now on only counted)",
+    ]
+
+
+def test_viewers_wait_for_the_first_frame_that_shows_something(caplog: pytest.LogCaptureFixture) -> None:
+    nothing = {"v0": Fault("no depth"), "v1": Fault("no depth")}
+
+    async def scenario() -> None:
+        cores = Cores()
+        async with Live(cores) as live:
+            await live.open(SOURCE)
+            cores.made[0].dark = {0: nothing, 1: nothing, 3: nothing}
+            for index in range(4):
+                settled = await live.offer(a_frame(index))
+                assert settled.shown == (index == 2)
+                assert (live.shown is None) == (index < 2)
+
+    run(scenario)
+    said = [record.getMessage() for record in caplog.records if "waits" in record.getMessage()]
+    assert said == ["frame 0: shows nothing; the model waits for the first frame with depth"]
 
 
 def test_a_frame_that_the_core_refuses_is_reported_and_the_next_one_is_taken() -> None:
@@ -564,7 +645,7 @@ def test_shutdown_waits_for_the_update_and_leaves_no_thread_and_no_future_behind
             asyncio.get_running_loop().call_later(0.05, core.updating.open)
         assert core.updates == [0]
         assert under_way.done()
-        assert waiting.result() is False
+        assert waiting.result().shown is False
         assert asyncio.all_tasks() == {asyncio.current_task()}
 
     run(scenario)

@@ -92,7 +92,7 @@ def test_a_hundred_frames_an_update() -> None:
         rest = [live.offer(a_frame(index)) for index in range(1, TIMES + 1)]
         core.updating.open()
         assert await first
-        assert [await settled for settled in rest] == [False] * (TIMES - 1) + [True]
+        assert [bool(await settled) for settled in rest] == [False] * (TIMES - 1) + [True]
         assert core.updates == [0, TIMES]
         assert live.frames == {"updated": 2, "dropped": TIMES - 1, "failed": 0}
         look(viewer, 1)

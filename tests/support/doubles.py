@@ -13,7 +13,7 @@ from farside.engine.io.mesh_files import colours_of, to_file
 from farside.engine.live.core import Look, Source, Updated
 from farside.engine.rig.camera import Camera, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
-from farside.engine.rig.frame import Frame, Texture, View
+from farside.engine.rig.frame import Fault, Frame, Texture, View
 from farside.engine.rig.viewer import EncodedPair, PairReport, StereoView
 from farside.engine.settings import Settings
 from farside.engine.support.runtime import give_way
@@ -80,6 +80,7 @@ class FakeCore:
     speeds: Mapping[str, float] = field(default_factory=dict)
     rendered: list[StereoView] = field(default_factory=list)
     bad_frames: set[int] = field(default_factory=set)
+    dark: dict[int, dict[str, Fault]] = field(default_factory=dict)  # views that show nothing, by frame
     fail_render: bool = False
     settings: Settings | None = None
     closed: bool = False
@@ -93,9 +94,12 @@ class FakeCore:
         self.updating.pass_through()
         if frame.index in self.bad_frames:
             raise ValueError(f"frame: {frame.index}: expected a better one")
-        self.updates.append(frame.index)
+        left_out = frame.faults | self.dark.get(frame.index, {})
+        shown = len(left_out) < len(frame.views)
+        if shown:
+            self.updates.append(frame.index)
         self.look, self.speeds, self.f_vin = look, speeds, f_vin
-        return Updated({"background": 1.0, "total": 2.0}, {"frame_index": frame.index})
+        return Updated({"background": 1.0, "total": 2.0}, {"frame_index": frame.index}, left_out, shown)
 
     def picture(self, view: StereoView, viewer: str, encoding: str) -> EncodedPair:
         self.rendering.pass_through()
