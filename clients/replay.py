@@ -16,9 +16,19 @@ import typer
 from farside.engine.io.recording import Playhead, Recording, ToAndFro, open_recording
 from farside.engine.live.frame_memory import Planes, open_buffer
 from farside.engine.rig.camera import Camera
-from farside.engine.rig.frame import View
+from farside.engine.rig.frame import Fault, View
+from farside.engine.rig.left_out import LeftOut
 from farside.server.pictures import encode_view
-from farside.server.protocol import BufferFree, FrameDone, SharedMemory, SourceHello, ViewData, encode
+from farside.server.protocol import (
+    MISSING_VIEWS,
+    BufferFree,
+    Features,
+    FrameDone,
+    SharedMemory,
+    SourceHello,
+    ViewData,
+    encode,
+)
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
@@ -65,6 +75,7 @@ class Replay:
     number: int = 0  # of the next frame
     skipped: int = 0  # frames not sent, to keep the rate
     outcomes: Counter[str] = field(default_factory=Counter)
+    left_out: LeftOut = field(default_factory=LeftOut)  # views that the server left out of frames
     _order: ToAndFro = field(default_factory=ToAndFro)
     shared: bool = False  # whether frames go through the server's memory
 
@@ -73,11 +84,13 @@ class Replay:
         p = self.playback
         cameras = tuple(p.recording.camera(name) for name in p.sources)
         raw = p.texture == p.depth == "raw"  # only raw frames can go through the memory of a server on this machine
-        hello = SourceHello(p.recording.name, p.rate, cameras, p.token, shares=raw)
+        features = Features(optional=(MISSING_VIEWS,))
+        hello = SourceHello(p.recording.name, p.rate, cameras, p.token, shares=raw, features=features)
         async with connect(url, hello, tls=self.tls) as (peer, welcome):
             credits = 1 if p.every_frame else welcome.credits
             playhead = Playhead(p.recording, p.sources)
-            session = _Session(peer, credits, _open_buffers(welcome.memory, cameras), playhead)
+            says_missing = MISSING_VIEWS in welcome.features
+            session = _Session(peer, credits, _open_buffers(welcome.memory, cameras), playhead, says_missing)
             self.shared = session.buffers is not None
             settling = asyncio.create_task(self._settle(session))
             try:
@@ -105,8 +118,14 @@ class Replay:
     async def _send_frame(self, session: _Session, number: int, buffer: int | None) -> None:
         index = self._order.index(number, self.playback.recording.frame_count)
         frame = await asyncio.to_thread(session.playhead.frame, index)
+        if not frame.there and not session.says_missing:  # a server that would never hear of this frame
+            session.give_back(buffer)
+            return
         for view in frame.views:
-            if session.buffers and buffer is not None:
+            if not view.there:
+                if session.says_missing:
+                    await session.peer.send(ViewData.without(number, view.camera.name, buffer, missing=True))
+            elif session.buffers and buffer is not None:
                 planes = session.buffers[buffer][view.camera.name]
                 await session.peer.send(await asyncio.to_thread(self._write, view, number, buffer, planes))
             else:
@@ -132,6 +151,7 @@ class Replay:
                 session.free.put_nowait(message.number)
             elif isinstance(message, FrameDone):
                 self.outcomes[message.outcome] += 1
+                self.left_out.add({camera: Fault(*why.split(": ", 1)) for camera, why in message.left_out.items()})
                 session.window.release()
                 self.progress(self)
 
@@ -144,11 +164,18 @@ class _Session:
     """
 
     def __init__(
-        self, peer: Peer, credits: int, buffers: list[dict[str, Planes]] | None, playhead: Playhead
+        self, peer: Peer, credits: int, buffers: list[dict[str, Planes]] | None, playhead: Playhead, says_missing: bool
     ) -> None:
         self.peer, self.credits, self.buffers, self.playhead = peer, credits, buffers, playhead
+        self.says_missing = says_missing  # whether the server wants to know which views a frame lacks
         self.window = asyncio.Semaphore(credits)
         self.free: asyncio.Queue[int] = asyncio.Queue()
+
+    def give_back(self, buffer: int | None) -> None:
+        """A frame was not sent, so that its credit and its buffer can be used for the next one."""
+        self.window.release()
+        if buffer is not None:
+            self.free.put_nowait(buffer)
 
 
 def _open_buffers(memory: SharedMemory | None, cameras: tuple[Camera, ...]) -> list[dict[str, Planes]] | None:
@@ -232,8 +259,9 @@ def command(
 
 
 def _summary(replay: Replay) -> str:
-    outcomes = replay.outcomes
+    outcomes, left_out = replay.outcomes, str(replay.left_out)
     return (
         f"{replay.number - replay.skipped} frames sent, {replay.skipped} skipped to keep the rate; "
         f"the server took {outcomes['updated']} and dropped {outcomes['dropped']}"
+        + (f"; it left out views: {left_out}" if left_out else "")
     )

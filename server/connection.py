@@ -7,6 +7,8 @@ that has stopped reading would keep its place, and the memory of what it does no
 from __future__ import annotations
 
 import asyncio
+import math
+import time
 from typing import Any
 
 from starlette.websockets import WebSocket
@@ -28,6 +30,7 @@ class Connection(WebSocketsSansIOProtocol):
 
     _cutting: asyncio.TimerHandle | None = None
     _stalling: asyncio.TimerHandle | None = None
+    heard = -math.inf  # when the peer sent something for the last time, monotonic clock, s
 
     def take_messages(self, max_bytes: int) -> None:
         """From now on messages of up to `max_bytes` bytes are taken."""
@@ -45,6 +48,11 @@ class Connection(WebSocketsSansIOProtocol):
             await super().run_asgi()
         finally:
             self._cut_later()
+
+    def data_received(self, data: bytes) -> None:
+        """The peer has sent something."""
+        self.heard = time.monotonic()
+        super().data_received(data)
 
     def pause_writing(self) -> None:
         """More waits for the peer than it should: from now on it must take some of it."""

@@ -33,6 +33,7 @@ class CloseCode(IntEnum):
     SIZE = 4407  # a resolution or length that differs from the announced one
     TIMEOUT = 4408
     BUSY = 4409  # another source is there, or there are too many viewers
+    FEATURE = 4410  # a required feature that the server does not have
     TOO_BIG = 4413
     INTERNAL = 4500
 
@@ -125,6 +126,17 @@ class Reader:
         if not low <= len(value) <= high:
             raise self.fail(name, f"{len(value)} items", expected)
         return value
+
+    def texts(self, name: str, most: int, longest: int = 100) -> tuple[str, ...]:
+        """An array of at most `most` strings of at most `longest` characters."""
+        values = self.items(name, 0, most)
+        expected = f"strings of at most {longest} characters"
+        for value in values:
+            if not isinstance(value, str):
+                raise self.fail(name, value, expected, CloseCode.MALFORMED)
+            if len(value) > longest:
+                raise self.fail(name, value, expected)
+        return tuple(values)
 
     def numbers(self, name: str, count: int) -> tuple[float, ...]:
         """An array of `count` finite numbers."""

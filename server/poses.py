@@ -44,7 +44,7 @@ async def serve_viewer(socket: WebSocket, service: Service) -> None:
             limit = service.settings.max_viewers
             raise ProtocolError(CloseCode.BUSY, "viewers", service.live.viewer_count, f"fewer than {limit}")
         with service.live.viewer(client, _view_of(hello)) as viewer:
-            await service.welcome(socket, client)
+            await service.welcome(socket, client, hello)
             pictures = viewer.run(
                 hello.encoding,
                 lambda wanted: partial(

@@ -1,8 +1,8 @@
 """The wire protocol: messages, their checks, encoding to msgpack and decoding. No I/O; PROTOCOL.md describes it.
 
 A message is one msgpack map in one binary WebSocket message; its `type` names it. Unknown fields are
-ignored, so that a version can gain fields. Every error raises `ProtocolError`, which names field, value
-and expectation and carries the code with which the connection is closed.
+ignored, so that a version can gain fields; what both sides must know is a feature (`Features`). Every error raises
+`ProtocolError`, which names field, value and expectation and carries the code with which the connection is closed.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ __all__ = [
     "MAX_CONTROL_BYTES",
     "MAX_HELLO_BYTES",
     "MAX_MESSAGE_BYTES",
+    "MISSING_VIEWS",
     "VERSION",
     "BufferFree",
     "CloseCode",
     "DepthData",
     "Error",
+    "Features",
     "FrameDone",
     "Message",
     "Picture",
@@ -41,6 +43,7 @@ __all__ = [
     "ViewData",
     "ViewerHello",
     "Welcome",
+    "agreed",
     "decode",
     "encode",
     "pose_from_wire",
@@ -48,7 +51,7 @@ __all__ = [
     "vector_from_wire",
 ]
 
-VERSION = 1
+VERSION = 2
 MAX_MESSAGE_BYTES = 64 << 20  # a raw view of 2048x2048 takes 21 MB
 MAX_CONTROL_BYTES = 64 << 10  # everything a viewer sends
 _LARGE = 1 << 20  # bytes
@@ -63,6 +66,9 @@ AXES = ("omaf", "openxr")
 PICTURE_PLANES = {"jpeg": 1, "raw": 3}
 DEPTH_ENCODINGS = ("raw", "zlib")
 OUTCOMES = ("updated", "dropped")
+MAX_FEATURES = 64
+MISSING_VIEWS = "missing_views"  # a source says which cameras have no picture in a frame
+FEATURES: dict[str, tuple[str, ...]] = {"source": (MISSING_VIEWS,), "viewer": ()}  # of this program, by role
 
 Tangents = tuple[float, float, float, float]  # left, right, top, bottom; positive outwards
 
@@ -175,6 +181,39 @@ def _read_version(reader: Reader) -> None:
 
 
 @dataclass(frozen=True, slots=True)
+class Features:
+    """What a client can do beyond the protocol's core: optional names, and required ones, without which it cannot go
+    on."""
+
+    optional: tuple[str, ...] = ()
+    required: tuple[str, ...] = ()
+
+    def _fields(self) -> dict[str, Any]:
+        return {"optional": self.optional, "required": self.required}
+
+    @classmethod
+    def _read(cls, reader: Reader) -> Self:
+        optional, required = (
+            reader.texts(name, MAX_FEATURES) if reader.has(name) else () for name in ("optional", "required")
+        )
+        return cls(optional, required)
+
+
+def agreed(features: Features, role: str) -> tuple[str, ...]:
+    """The features of a client in a role that this program has too; ProtocolError for a required one that it lacks."""
+    known = FEATURES[role]
+    for name in features.required:
+        if name not in known:
+            expected = f"one of {', '.join(known)}" if known else "none"
+            raise ProtocolError(CloseCode.FEATURE, "features.required", name, expected)
+    return tuple(name for name in known if name in features.optional or name in features.required)
+
+
+def _read_features(reader: Reader) -> Features:
+    return Features._read(reader.child("features")) if reader.has("features") else Features()
+
+
+@dataclass(frozen=True, slots=True)
 class ViewerHello:
     """A viewer introduces itself: its axes, its eyes' pictures and fields of view, and the encoding of pictures."""
 
@@ -188,6 +227,7 @@ class ViewerHello:
     axes: str = "omaf"
     encoding: str = "jpeg"
     token: str = ""
+    features: Features = Features()
 
     @classmethod
     def symmetric(cls, width: int, height: int, fov_rad: float, **others: Any) -> Self:
@@ -208,6 +248,7 @@ class ViewerHello:
             "height": self.height,
             "tangents": [self.left, self.right],
             "ipd": self.ipd,
+            "features": self.features._fields(),
         }
 
     @classmethod
@@ -218,6 +259,7 @@ class ViewerHello:
             "axes": reader.choice("axes", AXES),
             "encoding": reader.choice("encoding", PICTURE_PLANES),
             "token": reader.text("token") if reader.has("token") else "",
+            "features": _read_features(reader),
         }
         if not reader.has("tangents"):
             return cls.symmetric(width, height, reader.number("fov", 0.01, 3.1), **others)
@@ -244,6 +286,7 @@ class SourceHello:
     cameras: tuple[Camera, ...]
     token: str = ""
     shares: bool = False  # whether it can write into the memory of a server on the same machine
+    features: Features = Features()
 
     def _fields(self) -> dict[str, Any]:
         return {
@@ -254,6 +297,7 @@ class SourceHello:
             "fps": self.fps,
             "cameras": [_camera_fields(camera) for camera in self.cameras],
             "shares": self.shares,
+            "features": self.features._fields(),
         }
 
     @classmethod
@@ -264,6 +308,7 @@ class SourceHello:
             _read_cameras(reader),
             reader.text("token") if reader.has("token") else "",
             reader.flag("shares") if reader.has("shares") else False,
+            _read_features(reader),
         )
 
 
@@ -303,6 +348,7 @@ class Welcome:
     credits: int  # most frames of a source that are not settled yet
     max_message: int  # bytes
     memory: SharedMemory | None = None  # for a source whose hello has `shares`
+    features: tuple[str, ...] = ()  # of the client's, those that are agreed
 
     def _fields(self) -> dict[str, Any]:
         fields = {name: getattr(self, name) for name in self.__slots__}
@@ -318,6 +364,7 @@ class Welcome:
             reader.integer("credits", 1, 1000),
             reader.integer("max_message", 1, MAX_COUNT),
             SharedMemory._read(reader.child("memory")) if reader.has("memory") else None,
+            reader.texts("features", MAX_FEATURES) if reader.has("features") else (),
         )
 
 
@@ -368,7 +415,9 @@ class BufferFree:
 class ViewData:
     """One camera's texture and depth of one frame; `pose` if the camera moves (OMAF axes).
 
-    Texture and depth are in the message, or already in shared memory, in the frame's `buffer`.
+    Texture and depth are in the message, or already in shared memory, in the frame's `buffer`. If the camera has no
+    picture in this frame (`missing`), there is nothing else. damage: what is wrong with the rest of a message whose
+    frame, camera and buffer are right; it concerns this camera alone.
     """
 
     TYPE: ClassVar[str] = "view"
@@ -380,8 +429,17 @@ class ViewData:
     depth: DepthData | None
     pose: Pose | None = None
     buffer: int | None = None
+    missing: bool = False
+    damage: ProtocolError | None = None
+
+    @classmethod
+    def without(cls, frame: int, camera: str, buffer: int | None = None, **why: Any) -> Self:
+        """The message of a camera that has no picture in a frame; why: `missing` or `damage`."""
+        return cls(frame, camera, 0, 0, None, None, buffer=buffer, **why)
 
     def _fields(self) -> dict[str, Any]:
+        if self.missing:
+            return {"frame": self.frame, "camera": self.camera, "buffer": self.buffer, "missing": True}
         pose = self.pose
         return {
             "frame": self.frame,
@@ -396,11 +454,21 @@ class ViewData:
 
     @classmethod
     def _read(cls, reader: Reader) -> Self:
-        pose = reader.child("pose") if reader.has("pose") else None
+        frame, camera = reader.integer("frame", 0, MAX_COUNT), reader.text("camera", 100)
         buffer = reader.integer("buffer", 0, MAX_BUFFERS) if reader.has("buffer") else None
+        if reader.has("missing") and reader.flag("missing"):
+            return cls.without(frame, camera, buffer, missing=True)
+        try:
+            return cls._read_rest(reader, frame, camera, buffer)
+        except ProtocolError as error:
+            return cls.without(frame, camera, buffer, damage=error.with_traceback(None))
+
+    @classmethod
+    def _read_rest(cls, reader: Reader, frame: int, camera: str, buffer: int | None) -> Self:
+        pose = reader.child("pose") if reader.has("pose") else None
         return cls(
-            reader.integer("frame", 0, MAX_COUNT),
-            reader.text("camera", 100),
+            frame,
+            camera,
             reader.integer("width", 1, MAX_VIEW_PX),
             reader.integer("height", 1, MAX_VIEW_PX),
             Picture._read(reader.child("texture")) if buffer is None else None,
@@ -412,18 +480,27 @@ class ViewData:
 
 @dataclass(frozen=True, slots=True)
 class FrameDone:
-    """A frame is settled: the model and the viewers have it (updated), or it was overtaken (dropped)."""
+    """A frame is settled: the model and the viewers have it (updated), or it was overtaken or shows nothing (dropped).
+
+    left_out: why views of it were left out, by camera.
+    """
 
     TYPE: ClassVar[str] = "frame_done"
     frame: int
     outcome: str
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     def _fields(self) -> dict[str, Any]:
-        return {"frame": self.frame, "outcome": self.outcome}
+        return {"frame": self.frame, "outcome": self.outcome, "left_out": dict(self.left_out)}
 
     @classmethod
     def _read(cls, reader: Reader) -> Self:
-        return cls(reader.integer("frame", 0, MAX_COUNT), reader.choice("outcome", OUTCOMES))
+        left_out = reader.scalars("left_out", MAX_CAMERAS) if reader.has("left_out") else {}
+        return cls(
+            reader.integer("frame", 0, MAX_COUNT),
+            reader.choice("outcome", OUTCOMES),
+            {camera: str(why) for camera, why in left_out.items()},
+        )
 
 
 @dataclass(frozen=True, slots=True)

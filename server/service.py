@@ -33,6 +33,7 @@ from .protocol import (
     SourceHello,
     ViewerHello,
     Welcome,
+    agreed,
     decode,
     encode,
 )
@@ -72,6 +73,7 @@ class Service:
         hello = decode(data, kind, limit=MAX_CONTROL_BYTES if kind is ViewerHello else MAX_HELLO_BYTES)
         if not self.authorised(hello.token):
             raise ProtocolError(CloseCode.TOKEN, "token", "another", "the server's token")
+        agreed(hello.features, hello.ROLE)  # raises for a required one that is not known here
         if (connection := connection_of(socket)) is not None:
             # What is a little too long for a viewer is still read, so that it is told what is wrong.
             connection.take_messages(4 * MAX_CONTROL_BYTES if kind is ViewerHello else self.settings.max_message_bytes)
@@ -93,11 +95,14 @@ class Service:
             if self.source is source:
                 self.source = None
 
-    async def welcome(self, socket: WebSocket, client: str, memory: SharedMemory | None = None) -> None:
+    async def welcome(
+        self, socket: WebSocket, client: str, hello: ViewerHello | SourceHello, memory: SharedMemory | None = None
+    ) -> None:
         """Answer a valid hello; `memory` is the shared memory that a source may write into."""
         settings = dataclasses.asdict(self.settings.engine())
         limit = self.settings.max_message_bytes
-        await send(socket, Welcome(self.session, client, settings, CREDITS, limit, memory))
+        common = agreed(hello.features, hello.ROLE)
+        await send(socket, Welcome(self.session, client, settings, CREDITS, limit, memory, common))
 
     @property
     def rung(self) -> Rung:

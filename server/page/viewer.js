@@ -37,7 +37,7 @@ function connect() {
   socket.binaryType = "arraybuffer";
   socket.onopen = () => {
     Object.assign(state, { socket, sent: 0, answered: 0, seen: 0 });
-    const hello = { type: "hello", version: 1, role: "viewer", token, axes: "openxr", encoding: "jpeg", ...eye() };
+    const hello = { type: "hello", version: 2, role: "viewer", token, axes: "openxr", encoding: "jpeg", ...eye() };
     state.size = `${hello.width}x${hello.height}`;
     socket.send(encode(hello));
   };

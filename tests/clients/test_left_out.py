@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 from farside.clients.cli import app
+from farside.clients.replay import Playback, Replay
+from farside.engine.io.recording import open_recording
 from farside.engine.io.tmiv import SequenceWriter
+from farside.engine.live.core import Source
 from farside.engine.rig.camera import Pose
-from farside.engine.rig.frame import Texture
+from farside.engine.rig.frame import Frame, Texture
+from support.doubles import FakeCore
 from support.rooms import camera_row, frame
+from support.serving import running
 from typer.testing import CliRunner
 
 W, H, FRAMES = 48, 32, 4
@@ -116,3 +122,36 @@ def test_info_names_a_picture_that_is_black_while_others_are_not(tmp_path: Path)
     assert "camera v1: black: the picture is black, but another view's is not in 1 of 4 frames" in said
     assert "left out" not in run("info", write(tmp_path / "Sound", {}))
 
+
+class Watching(FakeCore):
+    """Notes which views are there."""
+
+    there: list[tuple[int, list[int]]] = []  # noqa: RUF012 (of the class: the server makes the core)
+
+    def update(self, frame: Frame, *others: object) -> object:
+        self.there.append((frame.index, frame.there))
+        return super().update(frame, *others)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def watching() -> list[tuple[int, list[int]]]:
+    Watching.there = []
+    return Watching.there
+
+
+@pytest.mark.parametrize("texture", ["raw", "jpeg"])
+def test_replay_says_which_views_are_missing(
+    lost: Path, watching: list[tuple[int, list[int]]], texture: str
+) -> None:
+    recording = open_recording(lost)
+    replay = Replay(Playback(recording, recording.source_names, 100.0, every_frame=True, texture=texture))
+
+    def core(source: Source) -> FakeCore:
+        return Watching(source)
+
+    with running(core) as url:
+        asyncio.run(replay.run(url))
+    assert replay.shared is (texture == "raw")
+    assert watching == [(0, [0, 1, 2]), (1, [0, 2]), (2, [0, 1, 2]), (3, [0, 1, 2])]
+    assert replay.left_out.counts() == {"v1": {"missing": 1}}
+    assert replay.outcomes == {"updated": 4}

@@ -19,7 +19,7 @@ from farside.engine.live.core_process import ProcessCore
 from farside.engine.live.engine import Live
 from farside.engine.live.frame_memory import FrameBuffers
 from farside.engine.rig.camera import Camera
-from farside.server import inbox, ingest
+from farside.server import inbox, left_out
 from farside.server.inbox import Inbox
 from farside.server.pictures import encode_view
 from farside.server.protocol import BufferFree, FrameDone, SourceHello, encode
@@ -160,7 +160,7 @@ def test_a_source_comes_while_the_memory_of_the_last_one_is_being_freed(
 def test_a_view_that_is_still_being_decoded_does_not_get_into_the_next_rig(
     url: str, cores: Cores, hold: Callable[..., Held], how: str, following: SourceHello
 ) -> None:
-    decoding = hold(ingest, "decode_view", lambda number: number == 3)
+    decoding = hold(left_out, "decode_view", lambda number: number == 3)
     freeing = hold(FrameBuffers, "close", lambda number: False)
 
     async def scenario() -> None:
@@ -181,7 +181,7 @@ def test_a_view_that_is_still_being_decoded_does_not_get_into_the_next_rig(
 def test_the_last_frame_of_a_source_that_has_left_is_taken_where_no_other_comes(
     url: str, cores: Cores, hold: Callable[..., Held], held: bool
 ) -> None:
-    decoding = hold(ingest, "decode_view", lambda number: held)
+    decoding = hold(left_out, "decode_view", lambda number: held)
 
     async def scenario() -> None:
         async with connect(url, SOURCE) as (source, _):
@@ -226,7 +226,7 @@ def lose(*asked: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "says"), [("bad view", r"resolution: 25x16.*code 4407"), ("lost engine", r"CoreLostError.*code 4500")]
+    ("fault", "says"), [("bad view", r"camera: v7.*code 4404"), ("lost engine", r"CoreLostError.*code 4500")]
 )
 def test_a_source_comes_before_the_last_one_is_told_what_was_wrong(
     url: str, cores: Cores, hold: Callable[..., Held], fault: str, says: str
@@ -237,7 +237,7 @@ def test_a_source_comes_before_the_last_one_is_told_what_was_wrong(
         async with connect(url, SOURCE) as (source, _):
             await send_frame(source, 0)
             if fault == "bad view":
-                await source.send(dataclasses.replace(encode_view(a_view(CAMERAS[0]), 1), width=25))
+                await source.send(dataclasses.replace(encode_view(a_view(CAMERAS[0]), 1), camera="v7"))
             else:
                 cores.made[0].update = lose
                 await send_views(source, 1)
@@ -258,7 +258,7 @@ def test_a_source_comes_before_the_last_one_is_told_what_was_wrong(
 def test_another_source_is_refused_at_once_whatever_is_being_done_for_the_first(
     url: str, cores: Cores, hold: Callable[..., Held], step: str
 ) -> None:
-    decoding = hold(ingest, "decode_view", lambda number: step == "decoding")
+    decoding = hold(left_out, "decode_view", lambda number: step == "decoding")
     held = decoding.gate if step == "decoding" else cores.making
     held.close()
 

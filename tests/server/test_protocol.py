@@ -60,6 +60,7 @@ sizes = st.integers(16, 4096)
 planes = st.builds(protocol.Picture, st.just("jpeg"), st.tuples(blobs)) | st.builds(
     protocol.Picture, st.just("raw"), st.tuples(blobs, blobs, blobs)
 )
+features = st.builds(protocol.Features, *[st.lists(names, max_size=3).map(tuple)] * 2)
 messages = st.one_of(
     st.builds(
         protocol.ViewerHello,
@@ -71,6 +72,7 @@ messages = st.one_of(
         st.sampled_from(protocol.AXES),
         st.sampled_from(["jpeg", "raw"]),
         names,
+        features,
     ),
     st.builds(
         protocol.SourceHello,
@@ -78,6 +80,8 @@ messages = st.one_of(
         st.floats(1, 240),
         st.lists(cameras, min_size=1, max_size=3, unique_by=lambda c: c.name).map(tuple),
         names,
+        st.booleans(),
+        features,
     ),
     st.builds(
         protocol.Welcome,
@@ -86,6 +90,7 @@ messages = st.one_of(
         st.dictionaries(names, st.none() | st.booleans() | numbers | names, max_size=3),
         st.integers(1, 9),
         st.integers(1, 1 << 40),
+        features=st.lists(names, max_size=3).map(tuple),
     ),
     st.builds(protocol.Scene, names, st.floats(0, 240), st.integers(1, 256), vectors, quaternions()),
     st.builds(
@@ -98,7 +103,13 @@ messages = st.one_of(
         st.builds(protocol.DepthData, st.sampled_from(["raw", "zlib"]), blobs),
         st.none() | poses,
     ),
-    st.builds(protocol.FrameDone, counts, st.sampled_from(["updated", "dropped"])),
+    st.builds(protocol.ViewData.without, counts, names, st.none() | st.integers(0, 9), missing=st.just(True)),
+    st.builds(
+        protocol.FrameDone,
+        counts,
+        st.sampled_from(["updated", "dropped"]),
+        st.dictionaries(names, names, max_size=3),
+    ),
     st.builds(protocol.PoseUpdate, counts, numbers, vectors, quaternions(), st.none() | vectors, st.none() | counts),
     st.builds(
         protocol.Stereo,
@@ -184,7 +195,7 @@ def test_any_value_in_any_field_raises_nothing_but_protocol_errors(
 POSE = {"type": "pose", "seq": 1, "time": 0.5, "position": [0, 0, 0], "orientation": [1, 0, 0, 0]}
 HELLO = {
     "type": "hello",
-    "version": 1,
+    "version": 2,
     "role": "viewer",
     "axes": "omaf",
     "encoding": "jpeg",
@@ -232,7 +243,7 @@ CAMERA = msgpack.unpackb(
             "orientation: .*: expected a unit quaternion",
         ),
         (POSE | {"orientation": "up"}, CloseCode.MALFORMED, "orientation: up: expected an array of 4"),
-        (HELLO | {"version": 2}, CloseCode.VERSION, "version: 2: expected 1"),
+        (HELLO | {"version": 1}, CloseCode.VERSION, "version: 1: expected 2"),
         (HELLO | {"role": "judge"}, CloseCode.VALUE, "role: judge: expected one of viewer, source"),
         (HELLO | {"axes": "left"}, CloseCode.VALUE, "axes: left: expected one of omaf, openxr"),
         (HELLO | {"encoding": "gif"}, CloseCode.VALUE, "encoding: gif: expected one of jpeg, raw"),
@@ -481,3 +492,72 @@ def test_a_view_that_does_not_fit_is_refused(changes: dict[str, Any], code: Clos
     with pytest.raises(ProtocolError, match=says) as caught:
         pictures.decode_view(protocol.ViewData(**(fields | changes)), {"v0": view.camera}, memory_for(view))
     assert caught.value.code == code
+
+
+VIEW = msgpack.unpackb(protocol.encode(pictures.encode_view(a_view(), 3)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"texture": None}, "texture: None: expected a map"),
+        ({"texture": {"encoding": "gif", "planes": []}}, "texture.encoding: gif: expected one of jpeg, raw"),
+        ({"texture": {"encoding": "jpeg", "planes": ["text"]}}, "texture.planes: .*: expected binary data"),
+        ({"depth": 7}, "depth: 7: expected a map"),
+        ({"depth": {"encoding": "raw"}}, "depth.data: missing: expected binary data"),
+        ({"width": 0}, "width: 0: expected an integer from 1"),
+        ({"height": "tall"}, "height: tall: expected an integer"),
+        ({"pose": {"position": [0, 0, 0]}}, "pose.orientation: missing"),
+        ({"pose": {"position": [0, 0, math.inf], "orientation": [1, 0, 0, 0]}}, "pose.position: .*3 finite numbers"),
+        ({"pose": {"position": [0, 0, 0], "orientation": [math.nan] * 4}}, "pose.orientation: .*4 finite numbers"),
+    ],
+)
+def test_what_is_wrong_with_one_cameras_part_of_a_view_is_told_with_its_frame_and_camera(
+    changes: dict[str, Any], says: str
+) -> None:
+    view = protocol.decode(msgpack.packb(VIEW | changes), protocol.ViewData)
+    assert (view.frame, view.camera, view.buffer, view.missing) == (3, "v0", None, False)
+    with pytest.raises(ProtocolError, match=says):
+        raise view.damage
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"frame": None}, "frame: None: expected an integer"),
+        ({"frame": -1}, "frame: -1"),
+        ({"camera": 7}, "camera: 7: expected a string"),
+        ({"buffer": -1}, "buffer: -1"),
+        ({"missing": "yes"}, "missing: yes: expected true or false"),
+    ],
+)
+def test_what_concerns_the_whole_frame_is_an_error(changes: dict[str, Any], says: str) -> None:
+    with pytest.raises(ProtocolError, match=says):
+        protocol.decode(msgpack.packb(VIEW | {"width": 0} | changes), protocol.ViewData)
+
+
+def test_a_view_that_is_missing_needs_nothing_but_its_frame_and_camera() -> None:
+    fields = {"type": "view", "frame": 3, "camera": "v0", "missing": True}
+    assert protocol.decode(msgpack.packb(fields)) == protocol.ViewData.without(3, "v0", missing=True)
+    assert protocol.decode(msgpack.packb(VIEW | {"missing": False}), protocol.ViewData).texture is not None
+
+
+@pytest.mark.parametrize(
+    ("optional", "required", "common"),
+    [
+        ((), (), ()),
+        (("missing_views", "depth_layers"), (), ("missing_views",)),
+        (("depth_layers",), ("missing_views",), ("missing_views",)),
+        (("missing_views",), ("missing_views",), ("missing_views",)),
+    ],
+)
+def test_features_that_both_sides_have_are_agreed_and_unknown_optional_ones_ignored(
+    optional: tuple[str, ...], required: tuple[str, ...], common: tuple[str, ...]
+) -> None:
+    assert protocol.agreed(protocol.Features(optional, required), "source") == common
+
+
+def test_a_required_feature_that_is_unknown_is_refused_by_name() -> None:
+    with pytest.raises(ProtocolError, match=r"features\.required: scenes: expected one of missing_views") as caught:
+        protocol.agreed(protocol.Features(("scenes",), ("missing_views", "scenes")), "source")
+    assert caught.value.code == CloseCode.FEATURE == 4410
