@@ -53,4 +53,5 @@ class Arrivals:
 
 def _fault_of(error: ProtocolError) -> Fault:
     field = error.field.partition(".")[0]
-    return Fault(field if field in _REASONS else "size", str(error))
+    reason = field if field in _REASONS else "size"
+    return Fault(reason, str(error).removeprefix(f"{reason}: "))

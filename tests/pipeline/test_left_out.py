@@ -116,13 +116,13 @@ def test_nothing_of_a_view_that_is_left_out_is_read(coding, quality):
 
 @pytest.mark.parametrize("settings", [Settings(n_init=2), Settings(n_init=2, n_update=2, culling_stride=2)])
 def test_the_model_is_that_of_a_rig_whose_camera_never_got_its_turn_in_that_frame(settings, monkeypatch):
-    cameras, gone = rig(), {3: {1}, 4: {1, 2}, 5: {0}, 6: {0, 1, 2}}
+    cameras, gone, garbage = rig(), {3: {1}, 4: {1, 2}, 5: {0}, 6: {0, 1, 2}}, np.random.default_rng(3)
     frames = walk(cameras)
     one, other = (BackgroundModel(cameras, settings, Scene.of(cameras, settings, frames[0])) for _ in range(2))
     seen = {index: [c for c in range(len(cameras)) if c not in left] for index, left in gone.items()}
     monkeypatch.setattr(other._rig, "seen_in", lambda frame: seen.get(frame.index, list(range(len(cameras)))))
     for whole in frames[:FRAMES]:
-        left = one.update(without(whole, *gone.get(whole.index, ())))
+        left = one.update(without(whole, *gone.get(whole.index, ()), garbage=garbage))
         full = other.update(whole)
         assert dataclasses.replace(left, stages={}) == dataclasses.replace(full, stages={})
     assert one.state().moved == ()
@@ -248,6 +248,13 @@ def test_what_a_camera_remembers_counts_while_it_is_away(coding):
         assert alone.report.holes_backdrop <= shown.report.holes_backdrop + 1e-3
 
 
+def samples_with(engine, camera):
+    """Numbers and colours of the surfaces that a camera and its neighbours, or the model, see."""
+    overlap = engine._back_end._exposure._overlap
+    concerned = (overlap.pairs == camera).any(axis=1)
+    return overlap.counts[concerned].copy(), overlap.samples[concerned].copy()
+
+
 def test_brightness_does_not_change_when_a_camera_is_away():
     """Cameras of different exposures: the picture has their mean, also while one is away."""
     cameras = rig()
@@ -265,9 +272,12 @@ def test_brightness_does_not_change_when_a_camera_is_away():
         engine.update(without(lit(index), *[1] * (index >= 20)))
         undisturbed.update(lit(index))
         if index == 20:
-            tones = engine.tones
+            tones, samples = engine.tones, samples_with(engine, 1)
     assert np.ptp(tones[:, 0, 0]) > 0.2
     np.testing.assert_array_equal(engine.tones[1], tones[1])
+    assert samples[0].min() > 0
+    for now, then in zip(samples_with(engine, 1), samples, strict=True):  # the last ones that there were
+        np.testing.assert_array_equal(now, then)
     np.testing.assert_allclose(engine.tones, undisturbed.tones, atol=0.1)
     lumas = [one.render_camera(EYE).texture.y.mean() for one in (engine, undisturbed)]
     assert abs(lumas[0] - lumas[1]) < 2.0
