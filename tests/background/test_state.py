@@ -12,7 +12,7 @@ from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.kernels.base.tone import IDENTITY
 from farside.engine.rig.camera import Equirectangular, Pose
-from farside.engine.rig.frame import Frame
+from farside.engine.rig.frame import Fault, Frame
 from farside.engine.settings import Settings
 from support.rooms import CODING, camera_row, frame
 
@@ -122,6 +122,26 @@ def test_a_second_capture_is_put_back_as_well():
     for one in moved[5:]:
         assert without_times(other.update(one)) == without_times(model.update(one))
     assert_same(everything(other, moved[-1]), everything(model, moved[-1]))
+
+
+def test_a_camera_that_was_left_out_so_far_is_put_back_as_well():
+    """It begins after that, in both."""
+    fault, frames = Fault("missing"), list(walk(0.0))
+    for index in range(HALF_WAY + 3):
+        views = frames[index].views
+        frames[index] = dataclasses.replace(
+            frames[index], views=(dataclasses.replace(views[0], fault=fault), *views[1:])
+        )
+    cameras = [view.camera for view in frames[0].views]
+    settings = CASES["by triangle"]
+    model = BackgroundModel(cameras, settings, Scene.of(cameras, settings, frames[0]))
+    for one in frames[:HALF_WAY]:
+        model.update(one)
+    other = BackgroundModel.from_state(model.state())
+    for one in frames[HALF_WAY:]:
+        assert without_times(other.update(one)) == without_times(model.update(one))
+    assert len(model.captures) == len(cameras) + 1
+    assert_same(everything(other, frames[-1]), everything(model, frames[-1]))
 
 
 def test_a_state_holds_only_arrays_and_scalars_and_owns_them():

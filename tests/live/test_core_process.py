@@ -20,7 +20,7 @@ from farside.engine.live.core import CoreLostError, Look, Source, Updated
 from farside.engine.live.core_process import ProcessCore
 from farside.engine.live.frame_memory import FrameBuffers
 from farside.engine.rig.camera import Pose
-from farside.engine.rig.frame import Frame, View
+from farside.engine.rig.frame import Fault, Frame, View
 from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
 from support.doubles import CAMERAS, HANG_S, FakeCore, a_frame
@@ -191,6 +191,22 @@ def test_lent_frames_are_read_where_they_are_and_given_back_when_nobody_reads_th
         gc.collect()
         assert core.run(lumas) == {100 + index}
         assert len(freed) == index  # all but the newest
+    buffers.close()
+
+
+@pytest.mark.parametrize("lent", [True, False])
+def test_which_views_are_left_out_goes_there_and_comes_back(core: ProcessCore, lent: bool) -> None:
+    buffers = FrameBuffers(CAMERAS, 1, "farside-test")
+    buffer = buffers.take()
+    assert buffer is not None
+    fault = Fault("texture", "12 bytes: expected a JPEG")
+    views = tuple(View(c, *buffer.planes[c.name], fault if c.name == "v1" else None) for c in CAMERAS)
+    updated = core.update(Frame(0, views, buffers.lent(buffer.number) if lent else None), dict, {}, 30.0)
+    assert (updated.left_out, updated.shown) == ({"v1": fault}, True)
+    views = tuple(dataclasses.replace(view, fault=fault) for view in views)
+    updated = core.update(Frame(1, views, buffers.lent(buffer.number) if lent else None), dict, {}, 30.0)
+    assert (updated.left_out, updated.shown) == ({"v0": fault, "v1": fault}, False)
+    del buffer, views
     buffers.close()
 
 
