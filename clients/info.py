@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +18,7 @@ from farside.engine.io.tmiv_look import look_at_first_frame
 from farside.engine.io.video_files import Kind, find_video
 from farside.engine.io.yuv import RawVideo
 from farside.engine.rig.camera import Camera, Perspective
+from farside.engine.rig.left_out import without_empty_views
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -44,27 +46,37 @@ def command(
         warnings = look_at_first_frame(file.parent, description) + look_for_empty_views(file.parent, description)
     except (TmivError, OSError):
         pass  # check_sequence has reported it
-    for kind, lines in (("[red]problem[/]", problems), ("[yellow]warning[/]", warnings)):
-        for line in lines:
-            console.print(f"{kind} {escape(line)}", soft_wrap=True, highlight=False)
-    if problems:
-        raise typer.Exit(2)
-    console.print("no problems found")
+    _tell(console, problems, warnings)
 
 
 def _show_walk(console: Console, folder: Path) -> None:
-    """List a folder of pictures of one RGB-D camera; raises ValueError for the first file that does not fit."""
+    """List a folder of pictures of one RGB-D camera, and which frames are left out; raises ValueError for another file
+    that does not fit."""
     walk = RgbdFolder(folder)
-    depths = [walk.frame(index).views[0].codes > 0 for index in range(walk.frame_count)]
+    depths, problems = [], []
+    for index in range(walk.frame_count):
+        frame = without_empty_views(walk.frame(index))
+        problems += [f"frame {index}: left out: {fault}" for fault in frame.faults.values()]
+        depths += [frame.views[c].codes > 0 for c in frame.there]
     camera, path = walk.camera("camera"), [walk.camera("camera", k).pose.position for k in range(walk.frame_count)]
     length = sum(math.dist(a, b) for a, b in itertools.pairwise(path))
     table = Table(title=f"{escape(walk.name)}: one RGB-D camera, moving")
     for title in ("camera", "size", "frames", "way, m", "pixels with depth"):
         table.add_column(title, no_wrap=True)
-    share = sum(float(there.mean()) for there in depths) / len(depths)
+    share = sum(float(there.mean()) for there in depths) / max(len(depths), 1)
     size = f"{camera.width}x{camera.height}"
     table.add_row(camera.name, size, str(walk.frame_count), f"{length:.2f}", f"{100 * share:.0f} %")
     console.print(table)
+    _tell(console, problems)
+
+
+def _tell(console: Console, problems: Sequence[str], warnings: Sequence[str] = ()) -> None:
+    """Print what is wrong; if anything is, the exit code is 2."""
+    for kind, lines in (("[red]problem[/]", problems), ("[yellow]warning[/]", warnings)):
+        for line in lines:
+            console.print(f"{kind} {escape(line)}", soft_wrap=True, highlight=False)
+    if problems:
+        raise typer.Exit(2)
     console.print("no problems found")
 
 

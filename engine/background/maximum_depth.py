@@ -20,11 +20,11 @@ from ..kernels.base.tone import IDENTITY
 from ..rig.camera import Camera
 from ..rig.depth import DepthCoding
 from ..rig.frame import Texture, View
-from ..rig.texture import empty_texture, toned_texture
+from ..rig.texture import toned_texture
 from .state import CaptureState
 from .tolerances import Tolerances
 
-__all__ = ["BLOCK", "MaximumDepthImage", "blank_view"]
+__all__ = ["BLOCK", "MaximumDepthImage"]
 
 BLOCK = (2 * PHASES, TILE)  # rows and columns of the blocks by which changes are searched
 
@@ -172,14 +172,6 @@ class MaximumDepthImage:
         """The image as `kernels.background.captures` reads it."""
         addresses = [address_of(plane) for plane in (*_planes(self.texture), self.codes)]
         return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), self._edge, 0]
-
-
-def blank_view(camera: Camera) -> View:
-    """A view of a camera that has shown nothing yet: grey, with codes 0."""
-    texture = empty_texture(camera.height, camera.width)
-    for plane in _planes(texture):
-        plane.fill(512)
-    return View(camera, texture, np.zeros((camera.height, camera.width), np.uint16))
 
 
 @lru_cache(maxsize=1)

@@ -18,7 +18,7 @@ from ..rig.frame import Frame, View
 from ..support.array_types import F64
 from ..support.stages import timed
 from .capture import Capture
-from .maximum_depth import MaximumDepthImage, blank_view
+from .maximum_depth import MaximumDepthImage
 from .parts import ModelParts
 from .ray_tracer import RayTracer
 from .report import UpdateReport
@@ -78,7 +78,7 @@ class BackgroundModel(ModelParts):
         self._rig.unseen = set(range(len(self._rig))) - set(frame.there)
         with timed(report.stages, "maximum_depth"):
             for c, view in enumerate(frame.views):
-                self._begin_capture(c, view if view.there else blank_view(view.camera), tones[c])
+                self._begin_capture(c, view if view.there else View.blank(view.camera), tones[c])
         with timed(report.stages, "triangulate"):
             chosen = gather_triangles(
                 self._pbs, self._captures, frame.views, self._new_triangles, self.settings.n_init, tolerances.delta,

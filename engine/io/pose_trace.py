@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +14,15 @@ from ..rig.frame import Fault
 from ..rig.pose_watch import PoseWatch, not_a_pose
 from .number_table import read_numbers
 
-__all__ = ["CameraPoses", "euler_degrees", "read_camera_poses", "read_pose_trace", "read_poses", "write_poses"]
+__all__ = [
+    "CameraPoses",
+    "believed_poses",
+    "euler_degrees",
+    "read_camera_poses",
+    "read_pose_trace",
+    "read_poses",
+    "write_poses",
+]
 
 COLUMNS = ("X", "Y", "Z", "Yaw", "Pitch", "Roll")
 
@@ -51,18 +59,26 @@ def read_camera_poses(path: Path | str, fps: float | None = None) -> CameraPoses
     second, if a pose to which a camera cannot have moved (`rig.pose_watch`) counts as none too. Raises ValueError if no
     row holds a pose."""
     rows = read_numbers(path, COLUMNS, gaps=True)
-    poses: list[Pose | None] = []
+    found = [_pose(row) if all(map(math.isfinite, row)) else not_a_pose(row) for row in rows]
+    try:
+        return believed_poses(found, fps)
+    except ValueError as error:
+        raise ValueError(f"{Path(path).name}: {error}") from error
+
+
+def believed_poses(found: Sequence[Pose | Fault], fps: float | None) -> CameraPoses:
+    """The poses of a camera, of which some frames have none; fps as in `read_camera_poses`. Raises ValueError if no
+    frame has one."""
     faults: dict[int, Fault] = {}
     watch = None if fps is None else PoseWatch(fps)
-    for frame, row in enumerate(rows):
-        pose = _pose(row) if all(map(math.isfinite, row)) else None
-        fault = not_a_pose(row) if pose is None else watch.jump(frame, pose) if watch else None
+    for frame, pose in enumerate(found):
+        fault = pose if isinstance(pose, Fault) else watch.jump(frame, pose) if watch else None
         if fault is not None:
             faults[frame] = fault
-        poses.append(None if fault else pose)
+    poses = [None if frame in faults or isinstance(pose, Fault) else pose for frame, pose in enumerate(found)]
     last = next((pose for pose in poses if pose is not None), None)
     if last is None:
-        raise ValueError(f"{Path(path).name}: {len(rows)} rows, none with a pose: expected a row a frame")
+        raise ValueError(f"{len(found)} rows, none with a pose: expected a row a frame")
     return CameraPoses([last := pose or last for pose in poses], faults)
 
 

@@ -7,6 +7,7 @@ pose/NAME.txt: world from camera, 4 x 4, metres, camera axes as in OpenCV (x rig
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable, Iterator
 from functools import cached_property
@@ -19,10 +20,12 @@ from PIL import Image, UnidentifiedImageError
 
 from ..rig.camera import Camera, Perspective, Pose
 from ..rig.depth import DepthCoding
-from ..rig.frame import Frame, Texture, View
+from ..rig.frame import Fault, Frame, Texture, View
+from ..rig.pose_watch import not_a_pose
 from ..rig.texture import from_rgb
 from ..support.array_types import F64
 from .file_names import entries
+from .pose_trace import CameraPoses, believed_poses
 from .text import read_text
 
 __all__ = ["RgbdFolder", "is_rgbd_folder"]
@@ -31,6 +34,7 @@ __all__ = ["RgbdFolder", "is_rgbd_folder"]
 _OPENCV_FROM_FARSIDE = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])
 _DEPTHS = DepthCoding(0.2, math.inf, 16, has_invalid=True)
 _CAMERA = "camera"
+_log = logging.getLogger(__name__)
 
 K = TypeVar("K", np.uint8, np.uint16)
 
@@ -44,8 +48,9 @@ def is_rgbd_folder(path: Path | str) -> bool:
 class RgbdFolder:
     """A `Recording` of one camera that moves. The world's axes are those of the camera in its first frame.
 
-    fps: frames per second, as the files do not tell. Raises ValueError, which names the file, for a file that is
-    missing or does not hold what is expected.
+    fps: frames per second, as the files do not tell. The view is left out of frames whose pose is not finite or jumps
+    (`pose_trace.believed_poses`), or whose pictures are damaged. Raises ValueError, which names the file, for another
+    file that is missing or does not hold what is expected.
     """
 
     camera_names = source_names = (_CAMERA,)
@@ -58,8 +63,15 @@ class RgbdFolder:
         self._stems = sorted(stems, key=lambda stem: (len(stem.lstrip("0")), stem.lstrip("0")))
         if not self._stems:
             raise ValueError(f"{self.folder / 'color'}: 0 pictures: expected NAME.png for each frame")
-        first = np.linalg.inv(self._world_from_camera(self._stems[0]))
-        self._poses = [Pose.from_matrix(first @ self._world_from_camera(stem)) for stem in self._stems]
+        found = [self._world_from_camera(stem) for stem in self._stems]
+        first = next((np.linalg.inv(each) for each in found if not isinstance(each, Fault)), np.eye(4))
+        poses = [each if isinstance(each, Fault) else Pose.from_matrix(first @ each) for each in found]
+        try:
+            self._poses, self._faults = believed_poses(poses, fps)
+        except ValueError as error:
+            raise ValueError(f"{self.folder / 'pose'}: {error}") from error
+        if self._faults:
+            _log.warning("%s: %s", self.folder / "pose", CameraPoses(self._poses, self._faults).said())
 
     @property
     def frame_count(self) -> int:
@@ -96,10 +108,18 @@ class RgbdFolder:
     def _view(self, name: str, index: int) -> View:
         camera = self.camera(name, index)
         path = self.folder / "depth" / f"{self._stems[index]}.png"
-        millimetres = self._picture(path, "I;16", np.uint16)
+        if index in self._faults:
+            return View.blank(camera, self._faults[index])
+        try:
+            millimetres = self._picture(path, "I;16", np.uint16)
+        except ValueError as error:
+            return View.blank(camera, Fault("depth", str(error)))
         with np.errstate(divide="ignore"):
             codes = camera.depth.codes(np.where(millimetres > 0, millimetres / 1000.0, np.nan))
-        return View(camera, self.texture(name, index), codes)
+        try:
+            return View(camera, self.texture(name, index), codes)
+        except ValueError as error:
+            return View.blank(camera, Fault("texture", str(error)))
 
     def _checked(self, index: int) -> int:
         if not 0 <= index < len(self._stems):
@@ -122,9 +142,12 @@ class RgbdFolder:
         width, height = self._size
         return Perspective(width, height, float(k[0, 0]), float(k[1, 1]), float(k[0, 2]) + 0.5, float(k[1, 2]) + 0.5)
 
-    def _world_from_camera(self, stem: str) -> F64:  # [4, 4]
+    def _world_from_camera(self, stem: str) -> F64 | Fault:  # [4, 4]
         path = self.folder / "pose" / f"{stem}.txt"
-        matrix: F64 = _numbers(path, (4, 4)) @ _OPENCV_FROM_FARSIDE
+        found = _numbers(path, (4, 4), gaps=True)
+        if not np.isfinite(found).all():
+            return not_a_pose(f"{path.name}: {found.ravel().tolist()}")
+        matrix: F64 = found @ _OPENCV_FROM_FARSIDE
         try:
             Pose.from_matrix(matrix)
         except ValueError as error:
@@ -144,13 +167,14 @@ class RgbdFolder:
         return found.astype(kind)
 
 
-def _numbers(path: Path, shape: tuple[int, int]) -> F64:
-    """A matrix in a text file; ValueError if it has another shape or holds anything else."""
+def _numbers(path: Path, shape: tuple[int, int], *, gaps: bool = False) -> F64:
+    """A matrix in a text file; ValueError if it has another shape or holds anything else. With `gaps`, numbers need not
+    be finite."""
     try:
         lines = [line.split() for line in read_text(path).splitlines() if line.strip()]
         found = np.array([[float(cell) for cell in line] for line in lines])
     except (OSError, ValueError) as error:
         raise ValueError(f"{path}: {error}: expected {shape[0]} x {shape[1]} numbers") from error
-    if found.shape != shape or not np.isfinite(found).all():
+    if found.shape != shape or not (gaps or np.isfinite(found).all()):
         raise ValueError(f"{path}: numbers {found.shape}: expected {shape[0]} x {shape[1]} that are finite")
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -62,6 +62,13 @@ class View:
         for name, shape in (("texture", self.texture.y.shape), ("codes", self.codes.shape)):
             if shape != expected:
                 raise ValueError(f"view {self.camera.name}: {name}: shape {shape}: expected {expected}")
+
+    @classmethod
+    def blank(cls, camera: Camera, fault: Fault | None = None) -> Self:
+        """A view that shows nothing: grey, with codes 0."""
+        luma, chroma = (camera.height, camera.width), ((camera.height + 1) // 2, (camera.width + 1) // 2)
+        planes = (np.full(shape, 512, np.uint16) for shape in (luma, chroma, chroma))
+        return cls(camera, Texture(*planes), np.zeros(luma, np.uint16), fault)
 
     @property
     def there(self) -> bool:

@@ -282,3 +282,23 @@ def test_brightness_does_not_change_when_a_camera_is_away():
     lumas = [one.render_camera(EYE).texture.y.mean() for one in (engine, undisturbed)]
     assert abs(lumas[0] - lumas[1]) < 2.0
 
+
+
+@pytest.mark.parametrize("coding", CODINGS)
+def test_nothing_of_a_moving_camera_that_is_left_out_is_read(coding):
+    """It goes on from where it is when it is back, and adds what it sees there."""
+    cameras, garbage = rig(CODINGS[coding], 3), np.random.default_rng(2)
+    one, other = (Engine(cameras, Settings(n_render=3)) for _ in range(2))
+    for index in range(FRAMES):
+        moved = dataclasses.replace(cameras[2], pose=Pose((0.0, 0.4 + 0.06 * index, 0.0)))
+        whole = frame(index, [*cameras[:2], moved], box_y=PATH[index])
+        gone = {0: (2,), 1: (2,), 5: (2,), 6: (1, 2), 7: (0, 1, 2)}.get(index, ())
+        for engine, source in ((one, None), (other, garbage)):
+            report = engine.update(without(whole, *gone, garbage=source), viewers())
+            assert sorted(report.left_out) == [f"v{c}" for c in gone]
+        for plane, same in zip(seen(one), seen(other), strict=True):
+            np.testing.assert_array_equal(plane, same)
+    assert_same_state(one.model, other.model)
+    assert one.model.cameras[2].pose.position[1] > 0.9
+    far = dataclasses.replace(cameras[2], pose=Pose((0.0, 1.0, 0.0)))
+    assert np.isfinite(background(one, far)[:, :20]).mean() > 0.9  # what only the moving camera has seen
