@@ -131,9 +131,9 @@ def test_views_that_do_not_fit_are_refused_and_change_nothing(how):
     before, status = engine.render(HEAD, "me"), engine.status()
     with pytest.raises(ValueError, match="frame 7: view"):
         engine.update(spoilt(first, how), {"me": HEAD})
-    after = engine.render(HEAD, "me")
     assert engine.frame_index == 0
     assert engine.status() == status
+    after = engine.render(HEAD, "me")
     np.testing.assert_array_equal(before.left.texture.y, after.left.texture.y)
     engine.update(frame(1, cameras, 0.5), {"me": HEAD})
     assert engine.frame_index == 1
