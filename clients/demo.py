@@ -44,6 +44,12 @@ def command(
             "is the upper limit."
         ),
     ] = None,
+    model: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Save the background model to this file, and continue it.")
+    ] = None,
+    seed_model: Annotated[
+        str | None, typer.Option(metavar="FILE", help="An earlier model that a new one begins with: GLB, or saved.")
+    ] = None,
     cache: Annotated[
         Path | None, typer.Option(help="Folder in which twins are kept (default: the user's cache).")
     ] = None,
@@ -53,7 +59,9 @@ def command(
     if target_fps is None and quality != "paper":
         target_fps = _TARGET_FPS
     tell_variables()
-    settings = server_settings(port=port, quality=quality, target_fps=target_fps)
+    settings = server_settings(
+        port=port, quality=quality, target_fps=target_fps, model=model, seed_model=seed_model
+    )
     stop_within(settings)
     with listen(settings) as listening:
         address = " and ".join(addresses_of(listening, settings, settings.token))

@@ -1,16 +1,18 @@
-"""`farside info`: what a sequence holds, and what is wrong with it."""
+"""`farside info`: what a sequence or a saved model holds, and what is wrong with it."""
 
 from __future__ import annotations
 
 import itertools
 import math
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from farside.engine.io.rgbd_folder import RgbdFolder, is_rgbd_folder
+from farside.engine.io.saved_file import is_saved, read_about
 from farside.engine.io.tmiv_check import check_sequence
 from farside.engine.io.tmiv_empty import look_for_empty_views
 from farside.engine.io.tmiv_json import Description, TmivError, find_json, read_json
@@ -19,6 +21,7 @@ from farside.engine.io.video_files import Kind, find_video
 from farside.engine.io.yuv import RawVideo
 from farside.engine.rig.camera import Camera, Perspective
 from farside.engine.rig.left_out import without_empty_views
+from farside.engine.settings import Settings
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -27,9 +30,11 @@ __all__ = ["command"]
 
 
 def command(
-    sequence: Annotated[Path, typer.Argument(metavar="SEQ", help="The sequence's folder, or its JSON.")],
+    sequence: Annotated[
+        Path, typer.Argument(metavar="SEQ|MODEL", help="The sequence's folder, or its JSON, or a saved model.")
+    ],
 ) -> None:
-    """List what a sequence holds and what is wrong with it; the exit code is 2 if anything is wrong.
+    """List what a sequence or a saved model holds and what is wrong with it; the exit code is 2 if anything is wrong.
 
     Warnings tell what seems to be wrong by a look at the first frame, and which views show nothing; they leave the exit
     code as it is.
@@ -37,6 +42,9 @@ def command(
     console = Console(width=None if sys.stdout.isatty() else 140)
     if is_rgbd_folder(sequence):
         _show_walk(console, sequence)
+        return
+    if sequence.is_file() and (sequence.suffix == ".farside" or is_saved(sequence)):
+        _show_saved(console, sequence)
         return
     problems, warnings = check_sequence(sequence), list[str]()
     try:
@@ -77,6 +85,29 @@ def _tell(console: Console, problems: Sequence[str], warnings: Sequence[str] = (
             console.print(f"{kind} {escape(line)}", soft_wrap=True, highlight=False)
     if problems:
         raise typer.Exit(2)
+    console.print("no problems found")
+
+
+def _show_saved(console: Console, path: Path) -> None:
+    """What a saved model is of; raises ValueError for a damaged one."""
+    about = read_about(path)
+    sizes = Counter(f"{width}x{height}" for _, width, height in about.cameras)
+    table = Table(title=f"{escape(path.name)}: a saved model, {path.stat().st_size / 1e6:.1f} MB", show_header=False)
+    rows = {
+        "saved at": about.saved, "newest frame": str(about.frame),
+        "reference cameras": ", ".join(f"{count} of {size}" for size, count in sizes.items()),
+        "": ", ".join(name for name, _, _ in about.cameras),
+        "S-PBS": f"{about.s_pbs_valid} triangles valid of {about.s_pbs}",
+        "P-PBS": f"{about.p_pbs} triangles", "from an earlier model": f"{about.seeded} of them",
+        "pictures": str(about.pictures),
+    }  # fmt: skip
+    defaults = Settings()
+    rows["settings"] = ", ".join(
+        f"{name} {value}" for name, value in about.settings if value != getattr(defaults, name, None)
+    ) or "the defaults"
+    for name, value in rows.items():
+        table.add_row(name, escape(value))
+    console.print(table)
     console.print("no problems found")
 
 

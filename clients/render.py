@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from farside.engine.background.seed_files import read_seed
 from farside.engine.io.pose_trace import read_pose_trace
 from farside.engine.io.recording import Recording, open_recording
+from farside.engine.io.seed_file import check_seed
 from farside.engine.pipeline.offline import (
     OfflineRenderer,
     PictureWriter,
@@ -44,6 +46,10 @@ ViewingSpace = Annotated[
 Exposure = Annotated[
     float | None,
     typer.Option(help="Time constant with which exposure and white balance of views are followed, s; 0: not followed."),
+]
+SeedModel = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="An earlier model of the room that the background begins with (GLB, or saved)."),
 ]
 OutputScale = Annotated[
     float | None,
@@ -84,6 +90,7 @@ def command(
     tolerance: Tolerance = None,
     delta: Annotated[float | None, typer.Option(help="Culling tolerance, metres (in the paper: 0.2).")] = None,
     viewing_space: ViewingSpace = None,
+    seed_model: SeedModel = None,
     exposure: Exposure = None,
     output_scale: OutputScale = None,
     fill: Annotated[bool, typer.Option("--fill/--no-fill", help="Fill disocclusions.")] = True,
@@ -105,7 +112,13 @@ def command(
     targets, count = _targets(opened, camera or [], pose_trace, stereo, ipd, size, fov)
     start, stop = _frame_range(frames, count)
     job = RenderJob(opened, _sources(opened, sources), targets, start, stop, history)
+    if seed_model is not None and not background:
+        raise ValueError(f"--seed-model: {seed_model}: expected none with --no-background")
+    if seed_model is not None:
+        check_seed(seed_model)
     compile_shown([quality])
+    if seed_model is not None:
+        job = dataclasses.replace(job, seed=read_seed(seed_model))
     renderer = OfflineRenderer(job, settings)
     rows = _render(renderer, PictureWriter(out, png=png, masks=ppm_masks))
     result = summary(rows, settings)

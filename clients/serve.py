@@ -107,6 +107,19 @@ def command(
             help="Ball in which heads stay, metres: background that cannot be seen from it is not kept.",
         ),
     ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Save the background model to this file every so often and at the end; continue it."
+        ),
+    ] = None,
+    save_interval_s: Annotated[
+        float | None, typer.Option(help="Time between two savings of the model, s (default 60).")
+    ] = None,
+    seed_model: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="An earlier model of the room that a new one begins with: GLB, or saved."),
+    ] = None,
     target_fps: Annotated[
         float | None,
         typer.Option(help="Stereo pairs a second to hold: quality follows the load, --quality is the upper limit."),
@@ -127,7 +140,8 @@ def command(
         allowed_origins=_joined(allow_origin), ssl_certfile=ssl_certfile, ssl_keyfile=ssl_keyfile,
         quality=quality, views=views, init=init, update=update,
         update_interval=update_interval, output_scale=output_scale, jpeg_quality=jpeg_quality, background=background,
-        draw_moving=draw_moving, viewing_space=viewing_space, target_fps=target_fps, longest_update_s=longest_update_s,
+        draw_moving=draw_moving, viewing_space=viewing_space, model=model, save_interval_s=save_interval_s,
+        seed_model=seed_model, target_fps=target_fps, longest_update_s=longest_update_s,
         max_viewers=max_viewers, log_level=log_level,
     )  # fmt: skip
     stop_within(settings)
@@ -143,7 +157,7 @@ def _joined(names: list[str] | None) -> str | None:
 
 def stop_within(settings: ServerSettings) -> None:
     """Give the server the time after a signal that its settings allow, and a moment more."""
-    set_patience(settings.shutdown_timeout_s + 0.4)
+    set_patience(settings.ending_s + 0.4)
 
 
 def run(server: uvicorn.Server, listening: Sequence[socket.socket]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 
-__all__ = ["ANTIALIASES", "BACKDROPS", "FILLS", "PER_PICTURE", "PRESETS", "QUALITIES", "Settings"]
+__all__ = ["ANTIALIASES", "BACKDROPS", "FILLS", "MODELLING", "PER_PICTURE", "PRESETS", "QUALITIES", "Settings"]
 
 FILLS = ("none", "smooth", "structure")
 QUALITIES = ("fast", "balanced", "best")
@@ -17,6 +17,11 @@ BACKDROPS = ("farthest", "standing")
 PER_PICTURE = (
     "n_render", "fill", "settles", "overdraw", "ghost_test", "rims", "output_scale", "blend", "antialias", "cubic",
     "prefilter", "jpeg_quality",
+)  # fmt: skip
+# Settings that the background model is built with: a saved model continues only with the same ones.
+MODELLING = (
+    "tolerance_px", "edge_px", "model_rims", "baseline_m", "viewing_space", "max_block_px", "delta_m",
+    "delta_disparity", "margin_m", "culling_stride", "rays_by_triangle", "filter_neighbours", "refine", "backdrop",
 )  # fmt: skip
 
 

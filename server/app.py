@@ -84,19 +84,34 @@ def _add_middleware(app: FastAPI, settings: ServerSettings) -> None:
 
 
 def _engine_maker(settings: ServerSettings, compiling: Compiling | None) -> Callable[[Source], Core]:
+    first: list[Source] = []  # the source whose rig the model is of
+
     def make(source: Source) -> Core:
         """An engine, when the kernels for the first picture are there: two processes would compile them twice.
 
-        The background model waits for the rest of them.
+        The background model waits for the rest of them. Raises ValueError for a source with another rig than that of
+        the model that is kept.
         """
+        if settings.model and first and first[0].cameras != source.cameras:
+            name = Path(settings.model).name
+            raise ValueError(f"model {name}: is of another rig: expected the cameras of source {first[0].name}")
+        core = make_any(source)
+        first[:] = first or [source]
+        return core
+
+    def make_any(source: Source) -> Core:
         if compiling is None:
-            return ProcessCore(make_local_core, source.cameras, settings.engine())
+            return ProcessCore(make_local_core, source.cameras, settings.engine(), True, settings.files)
         compiling.wait(settings.needed[:1])
-        whole = compiling.wait(settings.needed[:2], timeout=0.0)
-        core = ProcessCore(make_local_core, source.cameras, settings.engine(), whole)
+        whole = compiling.wait(settings.needed[:2], timeout=None if continues() else 0.0)
+        core = ProcessCore(make_local_core, source.cameras, settings.engine(), whole, settings.files)
         if not whole:
             threading.Thread(target=begin_model, args=(core,), daemon=True).start()
         return core
+
+    def continues() -> bool:
+        """Whether the model is a saved one, which the first picture needs all kernels for."""
+        return bool(settings.model) and Path(settings.model).exists()
 
     def begin_model(core: Core) -> None:
         assert compiling is not None
@@ -186,20 +201,20 @@ def make_server(
         ws_per_message_deflate=False,  # pictures are compressed already and depth is large: it would only cost time
         ws_ping_timeout=120.0,  # at the first frame kernels may have to be compiled
     )
-    return _Server(config, settings.shutdown_timeout_s)
+    return _Server(config, settings.shutdown_timeout_s, settings.ending_s)
 
 
 class _Server(uvicorn.Server):
     """uvicorn's server, whose end does not wait for connections or an engine for more than some seconds in all."""
 
-    def __init__(self, config: uvicorn.Config, shutdown_timeout_s: float) -> None:
+    def __init__(self, config: uvicorn.Config, shutdown_timeout_s: float, ending_s: float) -> None:
         super().__init__(config)
-        self._shutdown_timeout_s = shutdown_timeout_s
+        self._ending_s = ending_s
         config.timeout_graceful_shutdown = math.ceil(shutdown_timeout_s)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """End in order; when the time is over, connections are cut and the engine's process is killed."""
-        killing = asyncio.get_running_loop().call_later(self._shutdown_timeout_s, self._end_all)
+        killing = asyncio.get_running_loop().call_later(self._ending_s, self._end_all)
         try:
             await super().shutdown(sockets)
         finally:

@@ -61,6 +61,11 @@ class _Figures(Collector):
             for reason, count in reasons.items():
                 left_out.add_metric([camera, reason], count)
         yield left_out
+        if (saved := status["engine"].get("saved")) is not None:
+            saves = CounterMetricFamily("farside_model_saves", "Savings of the model by outcome", labels=["outcome"])
+            saves.add_metric(["saved"], saved["saves"])
+            saves.add_metric(["failed"], saved["failures"])
+            yield saves
         stages = GaugeMetricFamily("farside_stage_ms", "Milliseconds that a stage takes", labels=["stage", "quantile"])
         for stage, summary in status["stages_ms"].items():
             stages.add_metric([stage, "0.5"], summary["p50"])

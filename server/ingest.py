@@ -61,7 +61,11 @@ async def _open(service: Service, hello: SourceHello) -> None:
     try:
         await service.live.open(Source(hello.name, hello.fps, hello.cameras))
     except ValueError as error:
-        raise ProtocolError(CloseCode.VALUE, "cameras", str(error), "cameras that fit together") from error
+        said, _, expected = str(error).rpartition(": expected ")
+        field, _, value = said.rpartition(": ")
+        if not field:
+            field, value, expected = "cameras", str(error), "cameras that fit together"
+        raise ProtocolError(CloseCode.VALUE, field, value, expected) from error
 
 
 class _Ingest:

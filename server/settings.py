@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import unquote
 
+from farside.engine.io.saved_file import check_settings, read_about
+from farside.engine.io.seed_file import check_seed
 from farside.engine.live.governor import Governor, make_ladder
+from farside.engine.live.saving import ModelFiles
 from farside.engine.settings import QUALITIES, Settings
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, field_validator
 
@@ -17,6 +21,7 @@ from .protocol import MAX_MESSAGE_BYTES
 
 __all__ = ["ServerSettings", "listed"]
 
+_SAVING_S = 30.0  # for the model to be saved at the end; the second signal ends the server at once
 _MOST = 1_000_000  # of counts and seconds: far beyond any use, and still a number that messages and timers can hold
 
 
@@ -106,6 +111,9 @@ class ServerSettings(BaseModel):
     background: Annotated[bool, Field(description="true or false")] = True
     draw_moving: Annotated[bool | None, Field(description="true or false")] = None  # views of cameras that move
     viewing_space: Annotated[_Ball, Field(description="x, y, z and a radius of 0 or more, metres")] = None
+    model: Annotated[str, Field(description="a file in a folder that exists")] = ""  # of the model; empty: none is kept
+    save_interval_s: Annotated[float, _seconds("the time between two savings of the model")] = 60.0
+    seed_model: Annotated[str, Field(description="a file, a saved model or GLB")] = ""
     jpeg_quality: Annotated[int | None, _count(1, "a number from 1 to 100", 100)] = None
     target_fps: Annotated[
         float | None, Field(gt=0, le=1000, description="stereo pairs a second, above 0 and at most 1000")
@@ -143,6 +151,37 @@ class ServerSettings(BaseModel):
         self.engine()
         self.governor()
         check_certificate(self.ssl_certfile, self.ssl_keyfile)
+        self._check_model()
+
+    def _check_model(self) -> None:
+        for field in ("model", "seed_model"):
+            if getattr(self, field) and not self.background:
+                raise ValueError(f"{field}: {getattr(self, field)!r}: expected none without a background model")
+        path, seed = Path(self.model), Path(self.seed_model)
+        if self.model and (not path.parent.is_dir() or path.is_dir()):
+            raise ValueError(f"model: {self.model!r}: expected a file in a folder that exists")
+        if self.seed_model and not seed.is_file():
+            raise ValueError(f"seed_model: {self.seed_model!r}: expected a file, a saved model or GLB")
+        try:
+            if self.model and path.exists():
+                check_settings(read_about(path), self.engine())
+        except (OSError, ValueError) as error:
+            raise ValueError(f"model: {self.model}: {str(error).removeprefix(f'{self.model}: ')}") from error
+        try:
+            if seed.is_file():
+                check_seed(seed)
+        except (OSError, ValueError) as error:
+            raise ValueError(f"seed_model: {error}") from error
+
+    @property
+    def files(self) -> ModelFiles:
+        """The files of the model."""
+        return ModelFiles(self.model, self.save_interval_s, self.seed_model)
+
+    @property
+    def ending_s(self) -> float:
+        """Seconds from a signal until the engine is killed: a model takes a while to be saved."""
+        return self.shutdown_timeout_s + (_SAVING_S if self.model else 0.0)
 
     @property
     def secure(self) -> bool:

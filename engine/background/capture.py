@@ -16,12 +16,13 @@ import numpy.typing as npt
 
 from ..geometry.prepared_view import ViewTable
 from ..kernels.background import standing
-from ..kernels.background.captures import CAPTURE_SIZE, CB, CODES, CR, Y, sample_colours
+from ..kernels.background.captures import CAPTURE_SIZE, CB, CODES, CR, HEIGHT, WIDTH, WRAPS, Y, sample_colours
 from ..kernels.background.standing import FARTHEST
 from ..kernels.base.memory import address_of
 from ..rig.camera import Pose
 from ..rig.frame import Texture
 from ..support.array_types import F32, F64, I64, U16
+from .atlas import Atlas
 from .maximum_depth import MaximumDepthImage
 from .tolerances import Tolerances
 
@@ -81,19 +82,21 @@ class Remains:
         """Its pictures as `kernels.background.captures` reads them."""
         planes = (self.texture.y, self.texture.cb, self.texture.cr, self.codes)
         height, width = self.codes.shape
-        return [*map(address_of, planes), width, height, 0, self.edge, self.reach]
+        return [*map(address_of, planes), width, height, 0, self.edge, self.reach, 0]
 
 
 class Captures:
-    """All captures of a rig, by number; each reference camera has one current capture.
+    """All captures of a rig, by number; each reference camera has one current capture. Atlases have numbers among them:
+    surfaces from an earlier model refer to them for their colours.
 
-    table int64 [n, CAPTURE_SIZE]: the captures as `kernels.background.captures` reads them; it is replaced, never
-    written to. The number of a capture that was dropped is given to a newer one.
+    table int64 [n, CAPTURE_SIZE]: both as `kernels.background.captures` reads them; it is replaced, never written to.
+    The number of a capture that was dropped is given to a newer one; an atlas keeps its number.
     """
 
     def __init__(self) -> None:
         self.current: list[Capture] = []  # by reference camera
         self.table = np.zeros((0, CAPTURE_SIZE), np.int64)
+        self.atlases: dict[int, Atlas] = {}  # by number
         self._all: dict[int, Capture | Remains] = {}
 
     def __len__(self) -> int:
@@ -107,8 +110,9 @@ class Captures:
 
     @property
     def free(self) -> int:
-        """The number of the next capture: the least one that no capture has."""
-        return next(number for number in range(len(self._all) + 1) if number not in self._all)
+        """The number of the next capture or atlas: the least one that none of them has."""
+        count = len(self._all) + len(self.atlases)
+        return next(n for n in range(count + 1) if n not in self._all and n not in self.atlases)
 
     def add(self, camera: int, image: MaximumDepthImage, packed: F64) -> Capture:
         """Begins a capture, which becomes its camera's current one. The first captures of all cameras must be added in
@@ -124,9 +128,23 @@ class Captures:
     def put(self, capture: Capture | Remains) -> None:
         """Takes in a capture under its number."""
         self._all[capture.number] = capture
-        table = np.zeros((max(self._all) + 1, CAPTURE_SIZE), np.int64)
+        self._note(capture.number, capture.table_row())
+
+    def add_atlas(self, atlas: Atlas) -> int:
+        """Adds an atlas and returns its number."""
+        number = self.free
+        self.put_atlas(number, atlas)
+        return number
+
+    def put_atlas(self, number: int, atlas: Atlas) -> None:
+        """Takes in an atlas under a number that nothing else has."""
+        self.atlases[number] = atlas
+        self._note(number, atlas.table_row())
+
+    def _note(self, number: int, row: list[int]) -> None:
+        table = np.zeros((max(*self._all, *self.atlases, number) + 1, CAPTURE_SIZE), np.int64)
         table[: len(self.table)] = self.table[: len(table)]
-        table[capture.number] = capture.table_row()
+        table[number] = row
         self.table = table
 
     def drop(self, number: int) -> None:
@@ -134,10 +152,16 @@ class Captures:
         del self._all[number]
 
     def snapshot(self) -> Captures:
-        """The captures as they are now, for readers in other threads: it keeps them alive."""
+        """The captures and atlases as they are now, for readers in other threads: it keeps them alive."""
         copy = Captures()
         copy.current, copy.table, copy._all = list(self.current), self.table, dict(self._all)
+        copy.atlases = dict(self.atlases)
         return copy
+
+    def extent(self, number: int) -> tuple[int, int, bool]:
+        """Width and height of the picture of a capture or atlas, pixels, and whether its left and right sides meet."""
+        width, height, wraps = self.table[number, [WIDTH, HEIGHT, WRAPS]].tolist()
+        return width, height, bool(wraps)
 
     def planes(self, cameras: Sequence[int]) -> I64:  # [n, 4]
         """Addresses of the codes, y, cb and cr planes of the current captures of `cameras`."""
@@ -158,7 +182,7 @@ class Captures:
     @property
     def memory(self) -> int:
         """Bytes of the pictures."""
-        return sum(capture.memory for capture in self._all.values())
+        return sum(picture.memory for pictures in (self._all, self.atlases) for picture in pictures.values())
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,6 +75,10 @@ class ForegroundCulling:
         """The cameras of a group whose rays may give another result than the last time."""
         return [c for c in group if self.cast_version[c] != self._pbs.version]
 
+    def first_time(self, group: Sequence[int]) -> list[int]:
+        """The cameras of a group that have cast no rays yet from where they are."""
+        return [c for c in group if self.cast_version[c] < 0]
+
     def note_cast(self) -> None:
         """Notes that no camera's rays would give another result now."""
         self.cast_version = [self._pbs.version] * len(self._cameras)

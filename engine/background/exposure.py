@@ -42,6 +42,7 @@ from ..kernels.base.tone import (
 from ..rig.camera import Camera
 from ..rig.selection import likely_views, select_views
 from ..support.array_types import F64
+from .state import CameraState, ExposureState
 
 __all__ = ["LIKELY", "Exposure", "packed", "to_common", "to_picture"]
 
@@ -109,6 +110,24 @@ class Exposure:
         change[~_there(views)] = 0.0
         self._state = self._state + change
         self._started = True
+        self.tones = _matrices(self._state)
+
+    def state(self) -> ExposureState:
+        """All its data, as copies."""
+        cameras = tuple(None if camera is None else CameraState.of(camera) for camera in self._cameras)
+        overlap = self._overlap
+        return ExposureState(
+            self._state.copy(), self._started, self._turn, cameras,
+            tuple(tuple(map(int, near)) for near in self._neighbours), overlap.pairs.copy(), overlap.samples.copy(),
+            overlap.counts.copy(),
+        )  # fmt: skip
+
+    def put_back(self, state: ExposureState) -> None:
+        """Continues from a state."""
+        self._state, self._started, self._turn = state.tones.copy(), state.started, state.turn
+        self._cameras = [None if camera is None else camera.camera() for camera in state.cameras]
+        self._neighbours = [list(near) for near in state.neighbours]
+        self._overlap = _Overlap(state.pairs.copy(), state.samples.copy(), state.counts.copy())
         self.tones = _matrices(self._state)
 
     def _gather(self, views: ViewTable, known: Sequence[int], model: IntArray) -> None:

@@ -171,7 +171,7 @@ class MaximumDepthImage:
     def table_row(self) -> list[int]:
         """The image as `kernels.background.captures` reads it."""
         addresses = [address_of(plane) for plane in (*_planes(self.texture), self.codes)]
-        return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), self._edge, 0]
+        return [*addresses, self.camera.width, self.camera.height, int(self.camera.wraps), self._edge, 0, 0]
 
 
 @lru_cache(maxsize=1)

@@ -24,6 +24,8 @@ from .ray_tracer import RayTracer
 from .report import UpdateReport
 from .restoring import put_back, settings_of, state_of
 from .s_pbs import gather_triangles
+from .seed import Seed
+from .seeding import look_again, plant
 from .state import ModelState
 from .surface import Surface
 from .viewing_space import flag_hidden
@@ -39,7 +41,8 @@ class BackgroundModel(ModelParts):
     thread. In its turn, a camera that has moved begins a new capture, and adds the surfaces in its view that are
     farther than the PBS (section 4.2); what earlier captures have added stays, with their colours. A view that is left
     out of a frame leaves no trace in the model; a camera that was left out of the first frames begins with its first
-    view. tracer: the ray tracer; None: Embree.
+    view. tracer: the ray tracer; None: Embree. seed: an earlier model of the same room, whose surfaces the S-PBS begins
+    with (`seeding`).
     """
 
     def update(self, frame: Frame, tones: F64 | None = None) -> UpdateReport:
@@ -84,6 +87,8 @@ class BackgroundModel(ModelParts):
                 self._pbs, self._captures, frame.views, self._new_triangles, self.settings.n_init, tolerances.delta,
                 self._origin,
             )  # fmt: skip
+            if self._seed is not None:
+                self._plant(self._seed, frame, chosen)
         with timed(report.stages, "commit"):
             self._pbs.commit()
         with timed(report.stages, "culling"):
@@ -95,6 +100,15 @@ class BackgroundModel(ModelParts):
             self._pbs.commit()
         self._culling.note_cast()
         return report
+
+    def _plant(self, seed: Seed, frame: Frame, chosen: list[int]) -> None:
+        """The S-PBS gets what the chosen views of the first frame do not show of an earlier model."""
+        views, tolerances = self._new_triangles.table(frame.views), self._tolerances.now
+        plant(
+            seed, self._pbs, self._captures, views, chosen, self._rig.packed, frame.there, tolerances.delta,
+            tolerances.depth_m, self._origin,
+        )  # fmt: skip
+        self._seed = None  # its pictures live on, its triangles are there twice
 
     def _progress(self, frame: Frame, tones: F64) -> UpdateReport:
         """A later frame (section 3.3.3)."""
@@ -121,6 +135,8 @@ class BackgroundModel(ModelParts):
         with timed(report.stages, "culling"):
             # Where no geometry has changed since a camera's last rays, they would find the same again.
             due = self._culling.due(group)
+            for c in self._culling.first_time(due):
+                look_again(self._pbs, self._captures, len(self._rig), self._rig.packed[c])
             if due or forgotten:
                 self._culling.cull(due, self.tolerances.delta, report)
         numbers = [self._captures.current[c].number for c in due]

@@ -23,6 +23,7 @@ from .pbi import BackgroundImage, render_pbi
 from .pbs import ProbableBackgroundSurface
 from .ray_tracer import RayTracer
 from .reference_cameras import ReferenceCameras
+from .seed import Seed
 from .textured_mesh import textured_mesh
 from .tolerances import FollowedTolerances, Tolerances
 from .viewing_space import ViewingSpace
@@ -34,8 +35,9 @@ class ModelParts:
     """The parts of a background model; `model.BackgroundModel` calls them in order."""
 
     def __init__(
-        self, cameras: Sequence[Camera], settings: Settings, scene: Scene, tracer: RayTracer | None = None
-    ) -> None:
+        self, cameras: Sequence[Camera], settings: Settings, scene: Scene, tracer: RayTracer | None = None,
+        seed: Seed | None = None,
+    ) -> None:  # fmt: skip
         self.settings, self._scene = settings, scene
         self._origin = np.asarray(scene.origin, np.float64)
         ball = settings.viewing_space
@@ -50,6 +52,7 @@ class ModelParts:
         changed = self._culling.changed
         self._p_pbs = ProgressiveUpdate(self._pbs, self._new_triangles, changed, settings, len(self._rig))
         self._older = OlderCaptures(self._pbs, self._captures)
+        self._seed = seed  # until the first frame
         self._waited = 0  # frames skipped since the last update
 
     @property

@@ -30,7 +30,7 @@ class ProbableBackgroundSurface:
 
     def __init__(self, camera_count: int, tracer: RayTracer | None = None) -> None:
         self.tracer = EmbreeTracer() if tracer is None else tracer
-        self.words = (camera_count + 63) // 64
+        self.words = camera_count // 64 + 1  # with a bit that is no camera's (`seeding`)
         self.version = 0  # counts changes of geometry
         self.static: dict[int, Surface] = {}  # by capture number
         self.progressive: dict[int, Surface] = {}

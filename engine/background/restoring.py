@@ -14,6 +14,7 @@ from .state import (
     CameraState,
     CaptureState,
     ModelState,
+    NumberedAtlas,
     RemainsState,
     SceneState,
     SurfaceState,
@@ -35,6 +36,7 @@ def state_of(model: ModelParts) -> ModelState:
         cameras=tuple(CameraState.of(camera) for camera in rig.cameras),
         captures=tuple(_capture_state(each) for each in model._captures if isinstance(each, Capture)),
         remains=tuple(_remains_state(each) for each in model._captures if isinstance(each, Remains)),
+        atlases=tuple(NumberedAtlas(number, atlas) for number, atlas in model._captures.atlases.items()),
         current=tuple(capture.number for capture in model._captures.current),
         surfaces=(
             *(SurfaceState.of(surface, True) for surface in static),
@@ -67,12 +69,7 @@ def put_back(model: ModelParts, state: ModelState) -> None:
     rig.place([camera.camera() for camera in state.cameras])
     rig.moved, rig.moving, rig.unseen = set(state.moved), set(state.moving), set(state.unseen)
     rig.next, model._waited = state.next, state.waited
-    captures = {each.capture: _capture(each, model) for each in state.captures}
-    for capture in captures.values():
-        model._captures.put(capture)
-    for remains in state.remains:
-        model._captures.put(_remains(remains))
-    model._captures.current = [captures[number] for number in state.current]
+    _put_captures(model, state)
     for surface in state.surfaces:
         pbs.put(surface.surface(), static=surface.static)
     pbs.commit()
@@ -82,6 +79,18 @@ def put_back(model: ModelParts, state: ModelState) -> None:
     model._p_pbs.rounds = list(state.rounds)
     model._culling.cast_version, model._culling.looks = list(state.cast), list(state.looks)
     model._culling.changed.cells[:] = state.changed
+
+
+def _put_captures(model: ModelParts, state: ModelState) -> None:
+    """Captures, what is left of older ones, and atlases get the numbers that they had."""
+    captures = {each.capture: _capture(each, model) for each in state.captures}
+    for capture in captures.values():
+        model._captures.put(capture)
+    for remains in state.remains:
+        model._captures.put(_remains(remains))
+    for item in state.atlases:
+        model._captures.put_atlas(item.number, item.atlas)
+    model._captures.current = [captures[number] for number in state.current]
 
 
 def _capture_state(capture: Capture) -> CaptureState:

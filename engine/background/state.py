@@ -1,7 +1,7 @@
 """A background model's state: arrays, numbers, strings and tuples of them, from which a model continues bit for bit.
 
-It holds everything of a model that outlives a frame. `Exposure` is not part of it: the tones of the views are an
-argument of `BackgroundModel.update`, and the owner of `Exposure` (the engine's back end) keeps its state.
+It holds everything of a model that outlives a frame. The state of `exposure.Exposure` is a record of its own: the tones
+of the views are an argument of `BackgroundModel.update`. `saved_model` has both, as they are kept in a file.
 """
 
 from __future__ import annotations
@@ -12,20 +12,18 @@ from typing import Any
 
 from ..geometry.mesh import Mesh
 from ..geometry.scene_scale import Scene
+from ..io.saved_file import VERSION, Scalar
 from ..rig.camera import Camera, Equirectangular, Perspective, Pose
 from ..rig.depth import DepthCoding
 from ..settings import Settings
 from ..support.array_types import B1, F32, F64, I32, I64, U8, U16, U64
+from .atlas import Atlas
 from .surface import Surface
 
 __all__ = [
-    "VERSION", "CameraState", "CaptureState", "ModelState", "RemainsState", "SceneState", "SurfaceState",
-    "settings_state",
+    "VERSION", "CameraState", "CaptureState", "ExposureState", "ModelState", "NumberedAtlas", "RemainsState",
+    "SceneState", "SurfaceState", "settings_state",
 ]  # fmt: skip
-
-VERSION = 2
-
-Scalar = int | float | str | bool | tuple[float, ...] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +145,33 @@ class SurfaceState:
 
 
 @dataclass(frozen=True, slots=True)
+class NumberedAtlas:
+    """An atlas, with its number among the captures. Atlases never change, so a state shares them with the model."""
+
+    number: int
+    atlas: Atlas
+
+
+@dataclass(frozen=True, slots=True)
+class ExposureState:
+    """The fields of `exposure.Exposure`: tones float64 [n, 3, 3]; whether it has begun; whose turn it is; the cameras
+    and the neighbours of each; pairs int64 [p, 2] of views that are compared, their samples float32 [p, s, 2, 3], and
+    the number of samples of each pair, counts int64 [p]."""
+
+    tones: F64
+    started: bool
+    turn: int
+    cameras: tuple[CameraState | None, ...]
+    neighbours: tuple[tuple[int, ...], ...]
+    pairs: I64
+    samples: F32
+    counts: I64
+
+
+@dataclass(frozen=True, slots=True)
 class ModelState:
-    """The state of a background model (`BackgroundModel.state`, `BackgroundModel.from_state`). It owns its arrays.
+    """The state of a background model (`BackgroundModel.state`, `BackgroundModel.from_state`). It owns its
+    arrays, except those of atlases.
 
     captures, remains: each in the order of their numbers. current: number of each reference camera's current capture.
     surfaces: in the order of the model. tolerances: the fields of `tolerances.Tolerances` by name. first: samples of
@@ -164,6 +187,7 @@ class ModelState:
     cameras: tuple[CameraState, ...]
     captures: tuple[CaptureState, ...]
     remains: tuple[RemainsState, ...]
+    atlases: tuple[NumberedAtlas, ...]
     current: tuple[int, ...]
     surfaces: tuple[SurfaceState, ...]
     tolerances: tuple[tuple[str, float], ...]
@@ -184,6 +208,10 @@ class ModelState:
         """Raises ValueError for a state of another version."""
         if self.version != VERSION:
             raise ValueError(f"model state: version {self.version!r}: expected {VERSION}")
+
+    def with_settings(self, settings: Settings) -> ModelState:
+        """It, to be continued with other settings."""
+        return dataclasses.replace(self, settings=settings_state(settings))
 
 
 def settings_state(settings: Settings) -> tuple[tuple[str, Scalar], ...]:

@@ -14,7 +14,7 @@ from .capture import Captures
 from .pbs import ProbableBackgroundSurface, Surface
 from .texture_pages import Part, arrange, paint
 
-__all__ = ["BLOCK", "textured_mesh"]
+__all__ = ["BLOCK", "textured_mesh", "within_pixels"]
 
 BLOCK = 128  # pixels: triangles of a capture share a part of its picture by blocks; a multiple of triangles' legs
 _PAD = 4  # pixels round the used ones: what programs read that halve textures by themselves, as Blender does
@@ -25,7 +25,7 @@ def textured_mesh(pbs: ProbableBackgroundSurface, captures: Captures, origin: F6
     metres in the world. The arrays are copies; any thread may call this."""
     with pbs.lock:
         valid, captures = [(surface, surface.invalid == 0) for surface in pbs.surfaces()], captures.snapshot()
-    triangles = _Triangles.of(valid)
+    triangles = _Triangles.of(valid, captures)
     parts, numbers = _parts(triangles)
     pages = arrange(parts)
     corners = np.array([(part.left, part.top) for part in parts], np.int64).reshape(-1, 2)
@@ -54,23 +54,24 @@ class _Triangles:
     captures: I64
 
     @classmethod
-    def of(cls, valid: Sequence[tuple[Surface, npt.NDArray[np.bool_]]]) -> _Triangles:
+    def of(cls, valid: Sequence[tuple[Surface, npt.NDArray[np.bool_]]], captures: Captures) -> _Triangles:
         """The triangles of surfaces for which the flag [m] is true."""
         points, uv = [np.empty((0, 3), np.float32)], [np.empty((0, 2), np.float32)]
-        corners, captures = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
+        corners, numbers = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
         start = 0
         for surface, which in valid:
             triangles = surface.mesh.triangles[which].astype(np.int64)
             points.append(surface.mesh.points)
-            uv.append(_within_pixels(surface.mesh.uv, triangles))
+            is_seed = surface.capture in captures.atlases  # `Seed` has seen to its rims
+            uv.append(surface.mesh.uv if is_seed else within_pixels(surface.mesh.uv, triangles))
             corners.append(triangles + start)
-            captures.append(np.full(len(triangles), surface.capture, np.int64))
+            numbers.append(np.full(len(triangles), surface.capture, np.int64))
             start += len(surface.mesh.points)
-        return cls(np.concatenate(points), np.concatenate(uv), np.concatenate(corners), np.concatenate(captures))
+        return cls(np.concatenate(points), np.concatenate(uv), np.concatenate(corners), np.concatenate(numbers))
 
 
-def _within_pixels(uv: F32, triangles: I64) -> F32:
-    """Picture coordinates with those of rims moved to the centre of their pixel.
+def within_pixels(uv: F32, triangles: I64) -> F32:
+    """Picture coordinates [n, 2] of a camera's triangles [m, 3], with those of rims moved to the centre of their pixel.
 
     A rim is the rest of a pixel's square at a depth edge. A filter that interpolates there would mix in the pixel on
     the other side of the edge, which belongs to another surface. Rims share no vertices with other triangles.

@@ -74,7 +74,7 @@ def flag_hidden(
     present: Present, delta: Delta, report: UpdateReport,
 ) -> None:  # fmt: skip
     """Flags triangles of surfaces as invalid if other background hides them from the whole space, and reports them.
-    The surfaces stem from the current `captures` of their cameras.
+    The surfaces stem from `captures` of their cameras, or from atlases.
 
     A triangle stays if one of the space's eyes sees (see `capture.Present`) one of its sample points, or a surface less
     than delta before that point; so do all triangles within CELL to 2 CELL pixels of it in its picture.
@@ -86,10 +86,9 @@ def flag_hidden(
     """
     eyes, found = space.eyes(), []
     for surface in surfaces:
-        camera = captures.current[surface.camera].image.camera
+        width, height, wraps = captures.extent(surface.capture)
         seen = np.zeros(len(surface.invalid), np.uint8)
-        wraps = camera.wraps
-        cells = np.zeros((math.ceil(camera.height / CELL), math.ceil(camera.width / CELL)), np.uint8)
+        cells = np.zeros((math.ceil(height / CELL), math.ceil(width / CELL)), np.uint8)
         for asked in (eyes[::_FEW], eyes):  # a few eyes see most triangles, and their neighbours need no test then
             report.rays += pbs.tracer.mark_seen(asked, surface, present, delta, wraps, cells, seen)
             spread_seen(surface.mesh.uv, surface.mesh.triangles, seen, wraps, cells)

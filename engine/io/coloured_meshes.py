@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["ColouredMesh", "TexturePage", "TexturedMesh", "TexturedPart", "srgb_from_ycbcr"]
+__all__ = ["ColouredMesh", "TexturePage", "TexturedMesh", "TexturedPart", "srgb_from_ycbcr", "ycbcr_from_srgb"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,3 +72,11 @@ def srgb_from_ycbcr(ycbcr: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
     rgb = np.stack([y + 1.5748 * cr, y - 0.1873 * cb - 0.4681 * cr, y + 1.8556 * cb], axis=-1)
     clipped: npt.NDArray[np.float32] = np.clip(rgb, 0.0, 1.0).astype(np.float32)
     return clipped
+
+
+def ycbcr_from_srgb(rgb: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
+    """The inverse of `srgb_from_ycbcr`: R'G'B' [n, 3] -> Y'CbCr float32 [n, 3]."""
+    y = rgb @ np.array([0.2126, 0.7152, 0.0722])
+    cb, cr = (rgb[:, 2] - y) / 1.8556, (rgb[:, 0] - y) / 1.5748
+    codes: npt.NDArray[np.float32] = np.stack([64.0 + 876.0 * y, 512.0 + 896.0 * cb, 512.0 + 896.0 * cr], axis=-1)
+    return codes.astype(np.float32)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..rig.camera import Camera
@@ -11,6 +13,7 @@ from ..rig.frame import Fault, Frame
 from ..rig.viewer import EncodedPair, StereoView
 from ..settings import Settings
 from ..support.stages import Stages, timed
+from .saving import ModelFiles, Saver
 
 if TYPE_CHECKING:
     from ..pipeline.engine import Engine
@@ -79,14 +82,14 @@ class Core(Protocol):
         """
 
     def close(self) -> None:
-        """End the core; no method is called after this."""
+        """End the core, and save its model if it is to be saved; no method is called after this."""
 
 
 class LocalCore:
-    """A core in this process, around the synchronous engine."""
+    """A core in this process, around the synchronous engine. saver: saves its model; None: nobody does."""
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
+    def __init__(self, engine: Engine, saver: Saver | None = None) -> None:
+        self._engine, self._saver = engine, saver
 
     def give_way(self, niceness: int) -> None:
         """Run the calling thread's kernels on one core fewer, and at a lower priority."""
@@ -95,12 +98,17 @@ class LocalCore:
         give_way(niceness)
 
     def update(self, frame: Frame, look: Look, speeds: Mapping[str, float], f_vin: float) -> Updated:
-        """Take a frame; the report has the engine's stages and `Engine.status`."""
+        """Take a frame; the report has the engine's stages and `Engine.status`, and `Saver.status` as `saved`."""
         self._engine.f_vin = f_vin
-        with timed(whole := Stages(), "total"):
-            report = self._engine.update(frame, look, speeds)
-        shown = len(report.left_out) < len(frame.views)
-        return Updated({**report.stages, **whole}, self._engine.status(), report.left_out, shown)
+        with self._saver.updating if self._saver is not None else nullcontext():
+            with timed(whole := Stages(), "total"):
+                report = self._engine.update(frame, look, speeds)
+            shown, status = len(report.left_out) < len(frame.views), self._engine.status()
+            if self._saver is not None:
+                if shown:
+                    self._saver.offer()
+                status["saved"] = self._saver.status()
+        return Updated({**report.stages, **whole}, status, report.left_out, shown)
 
     def picture(self, view: StereoView, viewer: str, encoding: str) -> EncodedPair:
         """Both eyes, each encoded in the thread that rendered it."""
@@ -119,15 +127,32 @@ class LocalCore:
         return self._engine.export(file_format, colours)
 
     def close(self) -> None:
-        """End the engine's threads."""
+        """Save the model, and end the engine's threads."""
+        if self._saver is not None:
+            self._saver.finish()
         self._engine.close()
 
 
-def make_local_core(cameras: Sequence[Camera], settings: Settings, modelling: bool = True) -> LocalCore:
-    """A core with an engine for a rig; `modelling` False: without a model until `begin_model`.
+def make_local_core(
+    cameras: Sequence[Camera], settings: Settings, modelling: bool = True, files: ModelFiles | None = None
+) -> LocalCore:
+    """A core with an engine for a rig; `modelling` False: without a model until `begin_model`. files: of the model.
 
-    Loads the engine and its compiler, so only processes that render call this.
+    Loads the engine and its compiler, so only processes that render call this. Raises OSError and ValueError for files
+    that cannot be read, and for a saved model of another rig or with other settings.
     """
+    from ..background.saved_model import SavedModel
+    from ..background.seed_files import read_seed
     from ..pipeline.engine import Engine
 
-    return LocalCore(Engine(cameras, settings, modelling=modelling))
+    files = files or ModelFiles()
+    path, saved, seed = Path(files.model), None, None
+    if files.model and path.exists():
+        saved = SavedModel.read(path)
+    elif files.seed:
+        seed = read_seed(Path(files.seed))
+    try:
+        engine = Engine(cameras, settings, modelling=modelling, saved=saved, seed=seed)
+    except ValueError as error:
+        raise ValueError(f"model {path.name}: {error}" if saved is not None else str(error)) from error
+    return LocalCore(engine, Saver(path, files.interval_s, engine.state) if files.model else None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 import pickle
@@ -63,8 +64,10 @@ class ProcessCore:
         self._numbers = count()
         self._end = weakref.finalize(self, _end_later, self._control, self._process)
         self._end.atexit = False  # when this process ends, the system closes the socket
+        self._made = False
         try:
             self._ask(make_core, make, *arguments)
+            self._made = True
         except BaseException:
             self.close()
             raise
@@ -124,7 +127,12 @@ class ProcessCore:
         return self._process.pid
 
     def close(self) -> None:
-        """End the process; no call may be under way. This also happens when the last reference to the core is gone."""
+        """Close the core, and end the process; no call may be under way. If the last reference to this core is gone,
+        the process ends without that."""
+        if self._made:
+            self._made = False
+            with contextlib.suppress(CoreLostError):
+                self._ask(call, "close")
         if self._end.detach():
             _end(self._control, self._process)
         self._lines = threading.local()

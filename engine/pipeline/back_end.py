@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from ..background.exposure import Exposure, to_common
 from ..background.model import BackgroundModel, UpdateReport
 from ..background.pbi import enlarged, imaginary_camera, uncovered_cells
+from ..background.saved_model import SavedModel
+from ..background.seed import Seed
 from ..geometry.prepared_view import PreparedView, ViewTable
 from ..geometry.scene_scale import Scene
 from ..geometry.triangulation import Triangulator
@@ -53,18 +55,44 @@ class BackEnd:
     """Keeps the state between frames: the scene's scale, the background model, the views' tones. For one thread.
 
     f_vin: video frames per second. While `modelling` is False, neither the background nor the exposure of the views is
-    followed, whatever the settings say.
+    followed, whatever the settings say; they stay as they are. seed: an earlier model, which a new model begins with.
     """
 
-    def __init__(self, cameras: Sequence[Camera], renderer: Renderer, f_vin: float, modelling: bool = True) -> None:
+    def __init__(
+        self, cameras: Sequence[Camera], renderer: Renderer, f_vin: float, modelling: bool = True,
+        seed: Seed | None = None,
+    ) -> None:  # fmt: skip
         self.f_vin, self.modelling = f_vin, modelling
+        self._seed, self._newest = seed, 0
         self.model: BackgroundModel | None = None
         self._cameras, self._renderer = tuple(cameras), renderer
         self._scene: Scene | None = None
+        self._begun = False  # whether a frame has shown anything
         self._exposure: Exposure | None = None
         self._moving = MovingViews()
         self._triangulators = [Triangulator() for _ in self._cameras]
         self._placed = list(self._cameras)  # each camera where it was seen last
+
+    def resume(self, saved: SavedModel, settings: Settings) -> None:
+        """Continues with a saved model, before the first frame. Raises ValueError if it is of other cameras or was
+        built with other settings."""
+        saved = saved.adapted(self._cameras, settings)
+        self.model, self._newest = BackgroundModel.from_state(saved.model), saved.frame
+        self._scene = scene = saved.model.scene.scene()
+        if saved.exposure is not None and settings.exposure_s > 0.0:
+            self._exposure = Exposure(len(self._cameras), settings.exposure_s, scene.depths[:2])
+            self._exposure.put_back(saved.exposure)
+        self._placed = [camera.camera() for camera in saved.placed]
+        seen = set(range(len(self._placed))) - set(saved.model.unseen)
+        self._moving.put_back({c: self._placed[c].pose for c in seen}, saved.moving)
+
+    def state(self) -> SavedModel | None:
+        """The model and what it needs to be continued, as copies, for the thread that updates; None: no model."""
+        if self.model is None:
+            return None
+        return SavedModel.of(
+            self._cameras, self._newest, self.model, self._exposure, self._placed, self._moving.moving
+        )  # fmt: skip
 
     def update(
         self, frame: Frame, look: Look, speeds: Mapping[str, float], settings: Settings
@@ -82,16 +110,15 @@ class BackEnd:
             return self._nothing(frame, settings), BackEndReport(frame.index, stages, None, left_out=frame.faults)
         if self._scene is None:
             self._scene = Scene.of([view.camera for view in frame.views], settings, frame)
-        scene = self._scene
+        scene, self._begun = self._scene, True
         views = self._reference_views(frame, scene, settings)
         self._moving.note(frame)
         drawn = self._moving.drawn(moving=settings.draw_moving)
         content = FrameContent(scene, views, ViewTable(views), {}, None, drawn)
-        followed = settings if self.modelling else dataclasses.replace(settings, exposure_s=0.0, background=False)
         with timed(stages, "exposure"):
-            tones = self._follow_exposure(frame, content.present, scene, followed)
+            tones = self._follow_exposure(frame, content.present, scene, settings)
         with timed(stages, "background"):
-            report = self._update_model(frame, tones, scene, followed)
+            report = self._update_model(frame, tones, scene, settings)
         with timed(stages, "pbi"):
             pbis, rays = self._make_pbis(look(), speeds, content, settings)
             delta = None if self.model is None else self.model.tolerances.delta
@@ -106,9 +133,9 @@ class BackEnd:
     def _nothing(self, frame: Frame, settings: Settings) -> FrontBuffer | None:
         """What to show after a frame of which all views are left out: None, which is what was shown before, or pictures
         of nothing. The scene's scale and the model wait for the first frame with depth."""
-        if self._scene is not None:
+        if self._begun:
             return None
-        scene = Scene.unseen([view.camera for view in frame.views], settings)
+        scene = self._scene or Scene.unseen([view.camera for view in frame.views], settings)
         views = self._reference_views(frame, scene, settings)
         content = FrameContent(scene, views, ViewTable(views), {}, None, ())
         return FrontBuffer(frame.index, content, self._renderer.prepare(content), None, settings)
@@ -148,6 +175,8 @@ class BackEnd:
         """The views' tones [n, 4, 4]; None if exposure is not followed."""
         if settings.exposure_s == 0.0 or len(self._cameras) == 1:
             return None
+        if not self.modelling:
+            return None if self._exposure is None else self._exposure.tones
         if self._exposure is None:
             self._exposure = Exposure(len(self._cameras), settings.exposure_s, scene.depths[:2])
         model = self.model.images(frame) if self.model is not None else ()
@@ -157,12 +186,14 @@ class BackEnd:
     def _update_model(
         self, frame: Frame, tones: F64 | None, scene: Scene, settings: Settings
     ) -> UpdateReport | None:
-        """Update the PBS (section 3.3); None if the settings want no background model."""
-        if not settings.background:
+        """Update the PBS (section 3.3); None if no background model is wanted now."""
+        if not (settings.background and self.modelling):
             return None
         if self.model is None:
-            self.model = BackgroundModel(self._cameras, settings, scene)
-        return self.model.update(frame, None if tones is None else to_common(tones))
+            self.model = BackgroundModel(self._cameras, settings, scene, seed=self._seed)
+        report = self.model.update(frame, None if tones is None else to_common(tones))
+        self._newest = frame.index
+        return report
 
     def _make_pbis(
         self, viewers: Mapping[str, Viewer], speeds: Mapping[str, float], content: FrameContent, settings: Settings

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..background.model import BackgroundModel
+from ..background.saved_model import SavedModel
+from ..background.seed import Seed
 from ..io.coloured_meshes import ColouredMesh, TexturedMesh
 from ..io.mesh_files import colours_of, to_file
 from ..rendering.cpu_renderer import CpuRenderer
@@ -29,12 +31,15 @@ class Engine:
     `update` is called by one back-end thread; rendering methods may run in other threads at the same time and always
     show the newest finished frame (double buffering, `pipeline.front_buffer`). f_vin: video frames per second.
     `renderer` draws the pictures; None: on the CPU. `modelling` False: pictures show the present views only, until
-    `begin_model`. Raises ValueError for no cameras, or one of less than 4 x 4 pixels.
+    `begin_model`. saved: a model that is continued; seed: an earlier model of the same room, which a new model begins
+    with. Raises ValueError for no cameras, for one of less than 4 x 4 pixels, and for a saved model of other cameras or
+    with other settings.
     """
 
     def __init__(
         self, cameras: Sequence[Camera], settings: Settings | None = None, *, f_vin: float = 30.0,
-        renderer: Renderer | None = None, modelling: bool = True,
+        renderer: Renderer | None = None, modelling: bool = True, saved: SavedModel | None = None,
+        seed: Seed | None = None,
     ) -> None:  # fmt: skip
         self.cameras = tuple(cameras)
         if not self.cameras:
@@ -44,8 +49,10 @@ class Engine:
                 size = f"{camera.width} x {camera.height}"
                 raise ValueError(f"camera {camera.name}: {size} pixels: expected at least 4 x 4")
         self._renderer = renderer or CpuRenderer()
-        self._back_end = BackEnd(self.cameras, self._renderer, f_vin, modelling)
+        self._back_end = BackEnd(self.cameras, self._renderer, f_vin, modelling, seed)
         self._buffers = DoubleBuffer(settings or Settings())
+        if saved is not None:
+            self._back_end.resume(saved, self.settings)
 
     @property
     def settings(self) -> Settings:
@@ -82,6 +89,10 @@ class Engine:
     def model(self) -> BackgroundModel | None:
         """The background model, for the thread that updates; None before the first frame, or if there is none."""
         return self._back_end.model
+
+    def state(self) -> SavedModel | None:
+        """The model and what it needs to be continued, as copies, for the thread that updates; None: no model."""
+        return self._back_end.state()
 
     def retune(self, settings: Settings) -> None:
         """Use other settings from the next picture on; any thread may call this, and nothing is rebuilt.

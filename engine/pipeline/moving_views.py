@@ -3,6 +3,8 @@ updates of the background model only)."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from ..rig.camera import Pose
 from ..rig.frame import Frame
 
@@ -23,6 +25,15 @@ class MovingViews:
         poses = {k: frame.views[k].camera.pose for k in self._there}
         self._moving |= {k for k, pose in poses.items() if pose != self._poses.get(k, pose)}
         self._poses |= poses
+
+    @property
+    def moving(self) -> tuple[int, ...]:
+        """The cameras that have moved."""
+        return tuple(sorted(self._moving))
+
+    def put_back(self, poses: Mapping[int, Pose], moving: Sequence[int]) -> None:
+        """Continues: poses: of the cameras that were seen, where each was last; moving: those that have moved."""
+        self._poses, self._moving = dict(poses), set(moving)
 
     def drawn(self, *, moving: bool) -> tuple[int, ...]:
         """The indices of the views that may be drawn: all that are not left out, or those of cameras that stand still

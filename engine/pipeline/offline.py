@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..background.seed import Seed
 from ..io.images import write_png
 from ..io.raw_writer import RawWriter
 from ..io.recording import Playhead, Recording, playback_index
@@ -37,7 +38,7 @@ class RenderJob:
     """A job: output frames [start, stop) of `targets`, rendered from the source views of a recording.
 
     With `history`, the input frames before `start` are played first, so that the background model at frame n is the
-    same as in a live run.
+    same as in a live run. seed: an earlier model of the same room, which the background model begins with.
     """
 
     recording: Recording
@@ -46,6 +47,7 @@ class RenderJob:
     start: int
     stop: int
     history: bool = True
+    seed: Seed | None = None
 
 
 class OfflineRenderer:
@@ -57,7 +59,7 @@ class OfflineRenderer:
     def __init__(self, job: RenderJob, settings: Settings) -> None:
         self.job, self.settings = job, settings
         cameras = [job.recording.camera(name, 0) for name in job.sources]
-        self.engine = Engine(cameras, settings, f_vin=job.recording.fps)
+        self.engine = Engine(cameras, settings, f_vin=job.recording.fps, seed=job.seed)
         self.left_out = LeftOut()
         self._count = job.recording.frame_count
         self._playhead = Playhead(job.recording, job.sources)

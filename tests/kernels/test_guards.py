@@ -242,6 +242,7 @@ COVERED = {
     "background/hidden": ("pipeline",),
     "background/parts": ("walking",),
     "background/pbi": ("pipeline", "walking"),
+    "background/seeding": ("pipeline",),
     "background/seen_past": ("walking",),
     "background/texture_pages": ("pipeline",),
     "background/triangle_filter": ("pipeline",),
@@ -266,7 +267,7 @@ INSIDE = {
     ),
     "background/standing": ("background/hidden", "background/pbi"),
     "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangle_words"),
-    "base/sight": ("background/seen_past", "background/standing", "rendering/backdrop"),
+    "base/sight": ("background/seeding", "background/seen_past", "background/standing", "rendering/backdrop"),
     "base/memory": (
         "background/captures", "background/complementary_rays", "background/parts", "background/pbi",
         "background/texture_pages",

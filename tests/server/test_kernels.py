@@ -52,7 +52,7 @@ class Told(FakeCore):
 
     made: list[Told] = []  # noqa: RUF012 # emptied by the fixture
 
-    def __init__(self, make: Any, cameras: Any, settings: Any, modelling: bool = True) -> None:
+    def __init__(self, make: Any, cameras: Any, settings: Any, modelling: bool = True, files: Any = None) -> None:
         super().__init__(Source("", 30.0, CAMERAS))
         self.modelling, self.begun = modelling, threading.Event()
         self.made.append(self)

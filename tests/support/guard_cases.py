@@ -21,6 +21,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from farside.engine.background.coverage import Coverage
 from farside.engine.background.maximum_depth import MaximumDepthImage
+from farside.engine.background.seed_files import seed_of
+from farside.engine.background.state_check import check_model
 from farside.engine.background.tolerances import Tolerances
 from farside.engine.geometry.completion import complete
 from farside.engine.geometry.embree import EmbreeError
@@ -368,7 +370,22 @@ def pipeline(rng: Rng, flush: str) -> Counts:
         video = frames(rng, cameras, flush, int(rng.choice([2, 3, 3, 6])))
         if not any((view.codes >= view.camera.depth.min_code).any() for view in video[0].views):
             return {}  # a first frame without depth is refused
-        return play(rng, engine, video)
+        counts = play(rng, engine, video)
+        if (state := engine.state()) is not None and rng.random() < 0.2:
+            check_model(state.model, state.rig)
+            begin_with(rng, cameras, engine, video[:1])
+        return counts
+    finally:
+        engine.close()
+
+
+def begin_with(rng: Rng, cameras: list[Camera], earlier: engine_module.Engine, video: list[Frame]) -> None:
+    """Another engine, whose model begins with that of an earlier one."""
+    state = earlier.state()
+    assert state is not None
+    engine = engine_module.Engine(cameras, earlier.settings, seed=seed_of(state))
+    try:
+        play(rng, engine, video)
     finally:
         engine.close()
 

@@ -11,6 +11,8 @@ from farside.engine.background.exposure import Exposure
 from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbi import uncovered_cells
 from farside.engine.background.ray_tracer import EmbreeTracer
+from farside.engine.background.saved_model import SavedModel
+from farside.engine.background.seed_files import seed_of
 from farside.engine.background.surface import Surface
 from farside.engine.background.texture_pages import Part, arrange, paint
 from farside.engine.background.viewing_space import ViewingSpace
@@ -86,6 +88,11 @@ def models() -> Named:
         views = [PreparedView(v, scene.triangulation(v.camera, settings), scene.origin) for v in video[-1].views]
         present = ViewTable(views) if settings.backdrop == "standing" else None
         yield from _shown(label, model, present)
+        if label == "standing":
+            seeded = BackgroundModel(CAMERAS, settings, scene, seed=seed_of(SavedModel.of(CAMERAS, 0, model, None)))
+            assert seeded.update(video[0]).rays > 0
+            assert seeded.state().atlases
+            yield from _shown("seeded", seeded, present)
 
 
 def walks() -> Named:

@@ -1,6 +1,7 @@
 """Colours of captures at picture coordinates, for the PBI and for exported meshes.
 
-A table of captures is int64 [n, CAPTURE_SIZE]: the addresses of a maximum depth image's planes, then its sizes.
+A table of captures is int64 [n, CAPTURE_SIZE]: the addresses of a maximum depth image's planes, then its sizes. A
+capture may also be an atlas (`background.atlas`): a picture for surfaces that no camera of the rig has seen.
 """
 
 from __future__ import annotations
@@ -14,14 +15,16 @@ from ..base.jit import inlined, parallel, serial
 from ..base.memory import load_u16
 
 __all__ = [
-    "CAPTURE_SIZE", "CB", "CODES", "CR", "EDGE", "HEIGHT", "REACH", "WIDTH", "WRAPS", "Y", "chroma_at", "luma_at",
-    "sample_colours",
+    "CAPTURE_SIZE", "CB", "CODES", "CR", "EDGE", "HEIGHT", "REACH", "SCATTERED", "WIDTH", "WRAPS", "Y", "chroma_at",
+    "luma_at", "sample_colours",
 ]  # fmt: skip
 
 # EDGE: the step between codes that is a depth edge. REACH: pixels that are farther apart in a row or a column may
-# belong to different parts of a picture that is made of parts; 0: the picture is whole.
-Y, CB, CR, CODES, WIDTH, HEIGHT, WRAPS, EDGE, REACH = range(9)
-CAPTURE_SIZE = 9
+# belong to different parts of a picture that is made of parts; 0: the picture is whole. SCATTERED: 1 where surfaces
+# that meet in space may lie anywhere in the picture, so that only the places in one triangle have something between
+# them.
+Y, CB, CR, CODES, WIDTH, HEIGHT, WRAPS, EDGE, REACH, SCATTERED = range(10)
+CAPTURE_SIZE = 10
 
 
 @inlined

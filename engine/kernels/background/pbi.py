@@ -14,7 +14,7 @@ from ..base.jit import inlined, parallel, serial
 from ..base.memory import load_f32, load_u32
 from ..base.project import unproject_point
 from ..base.tolerance import Delta
-from .captures import REACH, WIDTH, chroma_at, luma_at
+from .captures import REACH, SCATTERED, WIDTH, chroma_at, luma_at
 from .picture import Picture
 from .rays import Tracer, farthest_hit
 from .standing import Present, standing_hit
@@ -106,6 +106,8 @@ def _on_plane(tables: Tables, camera: F64, hits: F64, a: int, b: int, x: int, y:
         return False
     if same:
         return True
+    if tables.captures[int(hits[a, _CAPTURE]), SCATTERED] != 0:
+        return False
     surface = tables.surfaces[int(hits[a, _GEOMETRY])]
     p, q, r = _corners(surface, int(hits[a, _PRIMITIVE]))
     px, py, pz = _point(surface, p)
@@ -134,6 +136,7 @@ def _colour(captures: I64, hits: F64, y: U16, pair: int, column: int) -> tuple[f
         y[row, x] = int(luma_at(captures[int(hits[k, _CAPTURE])], hits[k, _U], hits[k, _V]) + 0.5)
         u, v, count = u + hits[k, _U], v + hits[k, _V], count + 1
         one &= hits[k, _CAPTURE] == hits[0, _CAPTURE] and _beside(captures, hits, k, 0)
+        one &= captures[int(hits[k, _CAPTURE]), SCATTERED] == 0
     if count == 0:
         return 512.0, 512.0
     if one:

@@ -1,0 +1,190 @@
+"""A model in a file: it continues bit for bit, and what does not fit together is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from farside.engine.background.model import BackgroundModel
+from farside.engine.background.saved_model import SavedModel
+from farside.engine.geometry.scene_scale import Scene
+from farside.engine.io.saved_file import read_about
+from farside.engine.pipeline.engine import Engine
+from farside.engine.rig.camera import Perspective, Pose
+from farside.engine.rig.viewer import StereoView
+from farside.engine.settings import Settings
+from support.rooms import camera_row, frame
+
+FRAMES, HALF_WAY = 12, 6
+SETTINGS = Settings(n_init=1)
+HEAD = StereoView.symmetric(Pose((-0.3, 0.1, 0.0)), 48, 40, 1.0, 0.1)
+
+
+def frames():
+    """Someone walks; exposures differ."""
+    cameras = camera_row()
+    for index in range(FRAMES):
+        one = frame(index, cameras, box_y=-0.5 + 0.1 * index)
+        views = [
+            dataclasses.replace(view, texture=dataclasses.replace(view.texture, y=view.texture.y + np.uint16(9 * k)))
+            for k, view in enumerate(one.views)
+        ]
+        yield dataclasses.replace(one, views=tuple(views))
+
+
+def engine_after(count, settings=SETTINGS):
+    engine = Engine(camera_row(), settings)
+    for one in list(frames())[:count]:
+        engine.update(one, {"me": HEAD})
+    return engine
+
+
+def pictures(engine, viewer="me"):
+    pair = engine.render(HEAD, viewer)
+    planes = [(p.texture.y, p.texture.cb, p.texture.cr, p.disparity) for p in (pair.left, pair.right)]
+    return [plane for eye in planes for plane in eye]
+
+
+def assert_same(found, expected):
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "room.farside"
+    engine = engine_after(HALF_WAY)
+    size = engine.state().write(path)
+    assert size == path.stat().st_size
+    return path
+
+
+def test_an_engine_continues_from_the_file_bit_for_bit(saved):
+    first = engine_after(HALF_WAY)
+    other = Engine(camera_row(), SETTINGS, saved=SavedModel.read(saved))
+    assert other.export() == first.export()
+    assert other.export("ply") == first.export("ply")
+    for one in list(frames())[HALF_WAY:]:
+        report, expected = (engine.update(one, {"me": HEAD}) for engine in (other, first))
+        assert dataclasses.replace(report.background, stages={}) == dataclasses.replace(expected.background, stages={})
+        assert_same(pictures(other), pictures(first))
+        np.testing.assert_array_equal(other.tones, first.tones)
+    assert np.ptp(first.tones[:, 0, 3]) > 5.0  # the exposures were followed
+    for engine in (first, other):
+        engine.close()
+
+
+def test_a_picture_before_the_model_is_updated_is_the_one_before(saved):
+    first = engine_after(HALF_WAY)
+    other = Engine(camera_row(), SETTINGS, saved=SavedModel.read(saved), modelling=False)
+    newest = list(frames())[HALF_WAY - 1]
+    assert other.update(newest, {"me": HEAD}).background is None
+    np.testing.assert_array_equal(other.tones, first.tones)
+    assert_same(pictures(other), pictures(first))
+    for engine in (first, other):
+        engine.close()
+
+
+def test_what_is_written_twice_is_the_same(saved, tmp_path):
+    again = tmp_path / "again.farside"
+    SavedModel.read(saved).write(again)
+    found, expected = read_about(again), read_about(saved)
+    assert dataclasses.replace(found, saved=expected.saved) == expected
+    assert expected.cameras == tuple((f"v{k}", 96, 64) for k in range(3))
+    assert expected.frame == HALF_WAY - 1
+    assert expected.s_pbs_valid > 0
+    assert expected.seeded == 0
+    one, other = SavedModel.read(again), SavedModel.read(saved)
+    assert len(one.model.surfaces) == len(other.model.surfaces)
+    for a, b in zip(one.model.surfaces, other.model.surfaces, strict=True):
+        np.testing.assert_array_equal(a.points, b.points)
+
+
+def test_another_rig_is_refused(saved):
+    for change, message in (
+        (lambda cs: cs[:2], "cameras: v0, v1, v2: expected those of the source, v0, v1"),
+        (
+            lambda cs: [*cs[:2], dataclasses.replace(cs[2], pose=Pose((0.0, 0.5, 0.0)))],
+            r"camera v2: position: .*0.4.*: expected \(0.0, 0.5, 0.0\), as the source has it",
+        ),
+        (
+            lambda cs: [dataclasses.replace(cs[0], projection=Perspective.from_fov(96, 64, 1.1)), *cs[1:]],
+            "camera v0: lens: .*: expected .*, as the source has it",
+        ),
+    ):
+        with pytest.raises(ValueError, match=message):
+            Engine(change(camera_row()), SETTINGS, saved=SavedModel.read(saved))
+
+
+def test_settings_that_matter_must_be_the_same_and_others_may_change(saved):
+    with pytest.raises(ValueError, match=r"setting tolerance_px: 0.25: expected 0.5, as it is set now"):
+        Engine(camera_row(), dataclasses.replace(SETTINGS, tolerance_px=0.5), saved=SavedModel.read(saved))
+    engine = Engine(camera_row(), Settings(n_init=3, jpeg_quality=50, blend=1), saved=SavedModel.read(saved))
+    engine.update(list(frames())[HALF_WAY], {"me": HEAD})
+    assert engine.model.settings.blend == 1
+    engine.close()
+
+
+def test_an_engine_without_a_model_has_nothing_to_save():
+    engine = Engine(camera_row(), Settings(background=False))
+    engine.update(next(frames()))
+    assert engine.state() is None
+    engine.close()
+
+
+def changed(saved, path, **changes):
+    """The file with other fields of its model."""
+    read = SavedModel.read(saved)
+    dataclasses.replace(read, model=dataclasses.replace(read.model, **changes)).write(path)
+    return path
+
+
+def surface_with(model, k=0, **changes):
+    return (*model.surfaces[:k], dataclasses.replace(model.surfaces[k], **changes), *model.surfaces[k + 1 :])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: {"surfaces": surface_with(m, triangles=m.surfaces[0].triangles + 10**6)}, r"\[0\].triangles"),
+        (lambda m: {"surfaces": surface_with(m, triangles=m.surfaces[0].triangles - 1)}, r"\[0\].triangles: -1"),
+        (lambda m: {"surfaces": surface_with(m, points=m.surfaces[0].points * np.float32(np.nan))}, "points: a number"),
+        (lambda m: {"surfaces": surface_with(m, uv=m.surfaces[0].uv + np.float32(1e9))}, r"surfaces\[0\].uv"),
+        (lambda m: {"surfaces": surface_with(m, invalid=m.surfaces[0].invalid[1:])}, r"surfaces\[0\].invalid: shape"),
+        (lambda m: {"surfaces": surface_with(m, marks=m.surfaces[0].marks[:, :0])}, r"surfaces\[0\].marks: shape"),
+        (lambda m: {"surfaces": surface_with(m, capture=3)}, r"surfaces\[0\].capture: 3: expected the number"),
+        (lambda m: {"surfaces": surface_with(m, camera=(m.surfaces[0].camera + 1) % 3)}, r"surfaces\[0\].camera"),
+        (lambda m: {"surfaces": (*m.surfaces, m.surfaces[0])}, "surfaces: .* of different captures"),
+        (lambda m: {"captures": m.captures[1:]}, "captures: 2: expected at least 3"),
+        (
+            lambda m: {"captures": (dataclasses.replace(m.captures[0], y=m.captures[0].y[1:]), *m.captures[1:])},
+            r"captures\[0\].y: shape \(63, 96\): expected \(64, 96\)",
+        ),
+        (lambda m: {"current": (0, 1, 1)}, r"current\[2\]: 1: expected a capture of camera 2"),
+        (lambda m: {"current": (0, 1)}, "current: 2: expected one for each of 3 cameras"),
+        (lambda m: {"next": 3}, "next: 3: expected 0 to 2"),
+        (lambda m: {"changed": m.changed[:, 1:]}, "changed: shape"),
+        (lambda m: {"settings": (*m.settings, ("speed", 1))}, "speed"),
+        (lambda m: {"settings": (("blend", 0),)}, "blend: 0: expected at least 1"),
+        (lambda m: {"tolerances": m.tolerances[1:]}, "tolerances: .*: expected the fields of Tolerances"),
+        (lambda m: {"version": 99}, "model state: version 99: expected"),
+        (
+            lambda m: {"cameras": (dataclasses.replace(m.cameras[0], projection="os.system"), *m.cameras[1:])},
+            r"cameras\[0\]: projection: 'os.system': expected one of",
+        ),
+    ],
+)
+def test_a_file_whose_parts_do_not_fit_is_refused(saved, tmp_path, change, message):
+    path = changed(saved, tmp_path / "odd.farside", **change(SavedModel.read(saved).model))
+    with pytest.raises(ValueError, match=f"^{path}: .*{message}"):
+        SavedModel.read(path)
+
+
+def test_a_model_that_was_read_renders_what_the_one_before_renders(saved):
+    cameras, first = camera_row(), next(frames())
+    model = BackgroundModel(cameras, SETTINGS, Scene.of(cameras, SETTINGS, first))
+    model.update(first)
+    saved_now = SavedModel.of(cameras, 0, model, None)
+    other = BackgroundModel.from_state(saved_now.model)
+    assert other.counts() == model.counts()
