@@ -11,13 +11,14 @@ from farside.engine.background.model import BackgroundModel
 from farside.engine.background.newly_visible import newly_visible
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.scene_scale import Scene
+from farside.engine.io.coloured_meshes import srgb_from_ycbcr
 from farside.engine.kernels.background.flags import KEPT, UPDATED
 from farside.engine.kernels.base.tone import IDENTITY
 from farside.engine.rig.camera import Pose
 from farside.engine.rig.frame import Frame, View
 from farside.engine.settings import Settings
 from oracle import coverage as slow_coverage
-from support.models import SETTINGS, model_of, near_points
+from support.models import SETTINGS, model_of, near_points, picture_of
 from support.rooms import BOX_X, BOX_Y, WALL_X, WALL_Y, camera_row, frame, see, texture_of
 
 LATER_Y = 700
@@ -184,6 +185,29 @@ def test_captures_and_memory_are_bounded_by_what_is_there():
     assert sum(len(part) for part in (model._pbs.static, model._pbs.progressive)) <= surfaces
     assert model.memory["surfaces"] <= 1.05 * first["surfaces"]  # the last capture was condensed meanwhile
     assert model.memory["images"] <= 1.05 * first["images"]
+
+
+def test_an_exported_model_has_the_colours_of_all_captures():
+    """Each strip of the wall has the colour of the capture that saw it first, also in textures."""
+    camera = camera_row(1)[0]
+    model, _first = model_of([camera], frame(0, [camera]), Settings(n_init=1))
+    for index in range(1, 41):
+        model.update(Frame(index, (relit(see(at(camera, 0.1 * index)), 300 + 10 * index),)))
+    assert sum(isinstance(capture, Remains) for capture in model.captures) > 1
+    plain, textured = model.mesh(), model.textured_mesh()
+    assert sum(len(part.triangles) for part in textured.parts) == len(plain.triangles)
+    reach = camera.unproject((0.5, 32.0), 4.0)[1]  # how far to the left the first picture reaches
+    off = []
+    for part in textured.parts:
+        page = picture_of(part.picture)
+        middles = part.vertices[part.triangles].mean(axis=1)
+        u, v = np.floor(part.uv[part.triangles].mean(axis=1)).astype(int).T
+        capture = np.ceil(np.clip((middles[:, 1] - reach) / 0.1, 0, None))  # which has seen it first
+        luma = 300 + 10 * np.minimum(capture, 40)
+        ycbcr = np.stack([luma, luma // 2, luma // 2 + 1], -1).astype(np.float32)
+        expected = 255 * srgb_from_ycbcr(ycbcr)
+        off.append(np.abs(page[v, u] - expected).max(axis=1))
+    assert np.mean(np.concatenate(off) < 12) > 0.97
 
 
 def test_numbers_of_captures_are_used_again():
