@@ -74,7 +74,7 @@ class _Overlap:
 
     @classmethod
     def empty(cls, pairs: IntArray, size: int) -> _Overlap:
-        return cls(pairs, np.empty((len(pairs), size, 2, 3), np.float32), np.zeros(len(pairs), np.int64))
+        return cls(pairs, np.zeros((len(pairs), size, 2, 3), np.float32), np.zeros(len(pairs), np.int64))
 
 
 class Exposure:

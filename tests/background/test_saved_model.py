@@ -12,6 +12,7 @@ from farside.engine.geometry.scene_scale import Scene
 from farside.engine.io.saved_file import read_about
 from farside.engine.pipeline.engine import Engine
 from farside.engine.rig.camera import Perspective, Pose
+from farside.engine.rig.frame import Fault
 from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
 from support.rooms import camera_row, frame
@@ -84,6 +85,175 @@ def test_a_picture_before_the_model_is_updated_is_the_one_before(saved):
     assert_same(pictures(other), pictures(first))
     for engine in (first, other):
         engine.close()
+
+
+WALK = Settings(n_init=1, n_render=2, draw_moving=False)  # what moves is not drawn, so what has moved matters
+MISSING = Fault("missing")
+
+
+def walk(moves=True, unseen=range(0), gone=range(0)):
+    """Someone walks; the first camera moves in every frame. The last one is left out of the frames `unseen`, the first
+    one of those `gone`."""
+    for index, one in enumerate(frames()):
+        views = list(one.views)
+        if moves:
+            place = dataclasses.replace(views[0].camera, pose=Pose((0.0, -0.4 - 0.08 * index, 0.0)))
+            views[0] = frame(index, [place], box_y=-0.5 + 0.1 * index).views[0]
+        for c, left_out in ((2, unseen), (0, gone)):
+            if index in left_out:
+                views[c] = dataclasses.replace(views[c], fault=MISSING)
+        yield dataclasses.replace(one, views=tuple(views))
+
+
+def leaves(record, name="state"):
+    if dataclasses.is_dataclass(record):
+        for field in dataclasses.fields(record):
+            yield from leaves(getattr(record, field.name), f"{name}.{field.name}")
+    elif isinstance(record, tuple):
+        yield f"{name}.length", len(record)
+        for number, item in enumerate(record):
+            yield from leaves(item, f"{name}[{number}]")
+    else:
+        yield name, record
+
+
+def continued(some, path):
+    """An engine that takes all frames, and the states halfway and at the end; another one continues from a file, and
+    shows and keeps the same after each frame."""
+    cameras = camera_row()
+    first = Engine(cameras, WALK)
+    for one in some[:HALF_WAY]:
+        first.update(one, {"me": HEAD})
+    halfway = first.state()
+    halfway.write(path)
+    other = Engine(cameras, WALK, saved=SavedModel.read(path))
+    assert dict(leaves(other.state())).keys() == dict(leaves(halfway)).keys()
+    for one in some[HALF_WAY:]:
+        report, expected = (engine.update(one, {"me": HEAD}) for engine in (other, first))
+        assert dataclasses.replace(report.background, stages={}) == dataclasses.replace(expected.background, stages={})
+        assert_same(pictures(other), pictures(first))
+        np.testing.assert_array_equal(other.tones, first.tones)
+    end, found = first.state(), dict(leaves(other.state()))
+    for name, value in leaves(end):
+        np.testing.assert_array_equal(found[name], value, err_msg=name)
+    assert other.export() == first.export()
+    for engine in (first, other):
+        engine.close()
+    return halfway, end
+
+
+def test_a_rig_with_a_moving_camera_continues_bit_for_bit(tmp_path):
+    halfway, end = continued(list(walk()), tmp_path / "room.farside")
+    assert halfway.model.remains
+    assert halfway.model.moving == halfway.moving == (0,)
+    assert len(end.model.captures) == 4  # the moving camera's first one has a part of the S-PBS
+    assert read_about(tmp_path / "room.farside").pictures == 4 + len(halfway.model.remains)
+
+
+def test_a_moving_camera_that_is_left_out_then_is_where_it_was_seen_last(tmp_path):
+    gone = range(HALF_WAY, HALF_WAY + 3)
+    halfway, _ = continued(list(walk(gone=gone)), tmp_path / "room.farside")
+    assert halfway.placed[0].position == (0.0, -0.4 - 0.08 * (HALF_WAY - 1), 0.0)
+    assert halfway.rig[0].position == (0.0, -0.4, 0.0)
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_rig_with_an_unseen_camera_continues_bit_for_bit(tmp_path, moves):
+    some = list(walk(moves, unseen=range(HALF_WAY + 2)))
+    halfway, end = continued(some, tmp_path / "room.farside")
+    assert halfway.model.unseen == (2,)
+    assert halfway.model.captures[2].codes.max() == 0
+    assert end.model.unseen == ()
+    (capture,) = [c for c in end.model.captures if c.index == 2]
+    assert capture.codes.max() > 0
+
+
+def test_a_moving_camera_may_be_announced_elsewhere_and_others_may_not(tmp_path):
+    continued(list(walk()), path := tmp_path / "room.farside")
+    saved = SavedModel.read(path)
+    elsewhere = [dataclasses.replace(c, pose=c.pose.translated((0.3, 0.0, 0.0))) for c in camera_row()]
+    Engine([elsewhere[0], *camera_row()[1:]], WALK, saved=saved).close()
+    with pytest.raises(ValueError, match=r"camera v1: position: .*: expected \(0.3, 0.0, 0.0\), as the source has it"):
+        Engine([camera_row()[0], elsewhere[1], camera_row()[2]], WALK, saved=saved)
+
+
+def test_a_first_frame_of_nothing_leaves_no_trace_in_a_model_that_is_continued(saved):
+    engine = Engine(camera_row(), SETTINGS, saved=SavedModel.read(saved))
+    before = dict(leaves(engine.state()))
+    nothing = dataclasses.replace(
+        one := list(frames())[HALF_WAY], views=tuple(dataclasses.replace(view, fault=MISSING) for view in one.views)
+    )
+    engine.update(nothing, {"me": HEAD})
+    assert np.ptp(pictures(engine)[0]) == 0  # a picture, of nothing
+    after = dict(leaves(engine.state()))
+    assert after.keys() == before.keys()
+    for name, value in before.items():
+        np.testing.assert_array_equal(after[name], value, err_msg=name)
+    engine.update(one, {"me": HEAD})
+    assert np.ptp(pictures(engine)[0]) > 0
+    engine.close()
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "walk.farside"
+    engine = Engine(camera_row(), WALK)
+    for one in list(walk())[:HALF_WAY]:
+        engine.update(one)
+    engine.state().write(path)
+    engine.close()
+    return path
+
+
+def remains_with(model, **changes):
+    return {"remains": (dataclasses.replace(model.remains[0], **changes), *model.remains[1:])}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: remains_with(m, cb=m.remains[0].cb[1:]), r"remains\[0\].cb: shape"),
+        (lambda m: remains_with(m, codes=m.remains[0].codes[:, 1:]), r"remains\[0\].codes: shape"),
+        (lambda m: remains_with(m, index=3), r"remains\[0\].index: 3: expected 0 to 2"),
+        (lambda m: remains_with(m, index=1), "camera: 0: expected 1, as its capture has it"),
+        (lambda m: remains_with(m, edge=-1), r"remains\[0\].edge: -1"),
+        (lambda m: remains_with(m, reach=0), r"remains\[0\].reach: 0"),
+        (lambda m: remains_with(m, capture=m.current[0]), "captures: .* of different numbers"),
+        (lambda m: remains_with(m, capture=1 << 40), "captures: .*: expected numbers from 0 to 65535"),
+        (
+            lambda m: {"surfaces": tuple(s for s in m.surfaces if s.capture != m.remains[0].capture)},
+            r"remains\[0\]: .*: expected the number of a surface's capture",
+        ),
+        (
+            lambda m: {"surfaces": tuple(dataclasses.replace(s, static=True) for s in m.surfaces)},
+            "static: True: expected false, as its capture is older",
+        ),
+        (lambda m: {"moving": (3,)}, r"moving: \(3,\): expected numbers from 0 to 2"),
+        (lambda m: {"unseen": (-1,)}, r"unseen: \(-1,\): expected numbers from 0 to 2"),
+        (lambda m: {"looks": (0, 0)}, "looks: 2: expected one for each of 3 cameras"),
+        (lambda m: {"looks": (0, 0, -1)}, r"looks: \(0, 0, -1\): expected 0 or more"),
+    ],
+)
+def test_a_file_whose_older_captures_do_not_fit_is_refused(walked, tmp_path, change, message):
+    path = changed(walked, tmp_path / "odd.farside", **change(SavedModel.read(walked).model))
+    with pytest.raises(ValueError, match=f"^{path}: .*{message}"):
+        SavedModel.read(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda s: {"placed": s.placed[1:]}, "placed: 2: expected one for each of 3 cameras"),
+        (lambda s: {"placed": s.placed[::-1]}, r"placed\[0\]: .*: expected .*, in any pose"),
+        (lambda s: {"moving": (0, 3)}, r"moving: \(0, 3\): expected numbers from 0 to 2"),
+    ],
+)
+def test_a_file_whose_cameras_are_nowhere_is_refused(walked, tmp_path, change, message):
+    read = SavedModel.read(walked)
+    path = tmp_path / "odd.farside"
+    dataclasses.replace(read, **change(read)).write(path)
+    with pytest.raises(ValueError, match=f"^{path}: .*{message}"):
+        SavedModel.read(path)
 
 
 def test_what_is_written_twice_is_the_same(saved, tmp_path):

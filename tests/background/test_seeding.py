@@ -18,11 +18,11 @@ from farside.engine.io.glb import to_glb
 from farside.engine.io.mesh_files import to_file
 from farside.engine.kernels.base.tone import IDENTITY
 from farside.engine.rig.camera import Perspective, Pose
-from farside.engine.rig.frame import Frame, Texture, View
+from farside.engine.rig.frame import Fault, Frame, Texture, View
 from farside.engine.settings import Settings
 from PIL import Image
 from support.models import near_points, pbi_of, picture_of
-from support.rooms import BOX_Y, WALL_X, camera_row, frame, see
+from support.rooms import BOX_X, BOX_Y, WALL_X, camera_row, frame, see
 
 SETTINGS = Settings(n_init=3)
 FORMATS = ("saved", "texture", "vertex")
@@ -188,6 +188,83 @@ def test_a_seeded_model_continues_bit_for_bit_from_a_file(tmp_path, kind):
         ):
             np.testing.assert_array_equal(found, expected)
     assert to_glb(other.textured_mesh()) == to_glb(model.textured_mesh())
+
+
+def followed(index, box=True, shift=0):
+    """A frame of a rig whose first camera moves away along the wall, while someone walks."""
+    cameras = camera_row()
+    cameras[0] = dataclasses.replace(cameras[0], pose=Pose((0.0, -0.4 - 0.25 * index, 0.0)))
+    who = {"box_y": 0.1 * index, "half": 0.5} if box else {}
+    return Frame(index, tuple(coloured(see(camera, **who), shift) for camera in cameras))
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_seeded_model_of_a_moving_rig_keeps_its_atlases_and_continues_bit_for_bit(tmp_path, kind):
+    seed = through_file(empty_room(), kind, tmp_path)
+    model = model_of(followed(0).views, seed)
+    atlases = [item.number for item in model.state().atlases]
+    assert atlases
+    numbers = set()
+    for index in range(1, 9):
+        model.update(followed(index))
+        numbers |= {capture.number for capture in model.captures}
+    assert numbers.isdisjoint(atlases)
+    assert len(numbers) < 9  # those of captures that were dropped are given again
+    saved(model).write(tmp_path / "again.farside")
+    read = SavedModel.read(tmp_path / "again.farside")
+    assert [item.number for item in read.model.atlases] == atlases
+    assert read.model.remains
+    other = BackgroundModel.from_state(read.model)
+    for index in range(9, 15):
+        one = followed(index)
+        assert dataclasses.replace(other.update(one), stages={}) == dataclasses.replace(model.update(one), stages={})
+    assert [item.number for item in model.state().atlases] == atlases
+    assert to_glb(other.textured_mesh()) == to_glb(model.textured_mesh())
+    assert to_file(other.mesh(), "ply") == to_file(model.mesh(), "ply")
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_what_a_moving_camera_has_left_is_a_seed_with_its_colours(tmp_path, kind):
+    before = model_of(followed(0, box=False).views)
+    for index in range(1, 9):
+        before.update(followed(index, box=False))
+    assert saved(before).model.remains
+    seed = through_file(before, kind, tmp_path)
+    far = dataclasses.replace(camera_row()[0], name="far", pose=Pose((0.0, -2.0, 0.0)))
+    views = [coloured(see(camera), 200) for camera in camera_row()]
+    without, _, _, _ = shown(model_of(views), far)
+    model = model_of(views, seed)
+    depth, luma, cb, _ = shown(model, far)
+    only_before = np.isnan(without) & ~np.isnan(depth)
+    assert only_before.mean() > 0.25
+    np.testing.assert_allclose(depth[only_before], WALL_X, atol=0.02)
+    expected = coloured(see(far))
+    away = np.abs(luma - expected.texture.y[2:-2, 2:-2].astype(int))[only_before]
+    assert np.quantile(away, 0.98) <= 8
+    assert np.quantile(np.abs(cb.astype(int) - expected.texture.cb[1:-1, 1:-1])[only_before[::2, ::2]], 0.98) <= 8
+    model.textured_mesh()
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, Settings(n_init=3, culling_stride=1, rays_by_triangle=False)])
+def test_what_only_a_camera_sees_that_is_left_out_at_first_stays_until_its_turn(tmp_path, settings):
+    """A card that nobody else sees; the camera then sees past it."""
+    cameras = camera_row()
+    turned = dataclasses.replace(cameras[0], pose=Pose.from_euler(cameras[0].pose.position, 0.9, 0.0, 0.0))
+    rig = [turned, *cameras[1:]]
+    path = tmp_path / "card.glb"
+    card = np.array([[BOX_X, y, z] for y in (2.5, 3.1) for z in (-0.3, 0.3)])
+    grey = np.full((4, 3), 0.5, np.float32)
+    path.write_bytes(to_glb(ColouredMesh(card, np.array([[0, 1, 2], [2, 1, 3]], np.int32), grey)))
+    views = [dataclasses.replace(see(turned), fault=Fault("missing")), *map(see, rig[1:])]
+    model = model_of(views, read_seed(path), settings)
+    before = np.count_nonzero(near_points(model)[:, 1] < 4.0)
+    assert before > 0
+    for index in range(1, 7):
+        model.update(Frame(index, tuple(views)))
+    assert np.count_nonzero(near_points(model)[:, 1] < 4.0) == before
+    for index in range(7, 17):
+        model.update(frame(index, rig))
+    assert np.count_nonzero(near_points(model)[:, 1] < 4.0) == 0
 
 
 @pytest.mark.parametrize("kind", FORMATS)
