@@ -209,6 +209,7 @@ def test_a_seeded_model_of_a_moving_rig_keeps_its_atlases_and_continues_bit_for_
         model.update(followed(index))
         numbers |= {capture.number for capture in model.captures}
     assert numbers.isdisjoint(atlases)
+    assert list(model._captures.snapshot().atlases) == atlases
     assert len(numbers) < 9  # those of captures that were dropped are given again
     saved(model).write(tmp_path / "again.farside")
     read = SavedModel.read(tmp_path / "again.farside")
@@ -239,10 +240,9 @@ def test_what_a_moving_camera_has_left_is_a_seed_with_its_colours(tmp_path, kind
     assert only_before.mean() > 0.25
     np.testing.assert_allclose(depth[only_before], WALL_X, atol=0.02)
     expected = coloured(see(far))
-    away = np.abs(luma - expected.texture.y[2:-2, 2:-2].astype(int))[only_before]
-    assert np.quantile(away, 0.98) <= 8
-    assert np.quantile(np.abs(cb.astype(int) - expected.texture.cb[1:-1, 1:-1])[only_before[::2, ::2]], 0.98) <= 8
-    model.textured_mesh()
+    limit = 2 if kind == "saved" else 8  # 8 bits and a JPEG: see above
+    assert np.abs(luma - expected.texture.y[2:-2, 2:-2])[only_before].max() <= limit
+    assert np.abs(cb.astype(int) - expected.texture.cb[1:-1, 1:-1])[only_before[::2, ::2]].max() <= limit
 
 
 @pytest.mark.parametrize("settings", [SETTINGS, Settings(n_init=3, culling_stride=1, rays_by_triangle=False)])
