@@ -12,6 +12,7 @@ from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbi import uncovered_cells
 from farside.engine.background.ray_tracer import EmbreeTracer
 from farside.engine.background.saved_model import SavedModel
+from farside.engine.background.seed import Seed
 from farside.engine.background.seed_files import seed_of
 from farside.engine.background.surface import Surface
 from farside.engine.background.texture_pages import Part, arrange, paint
@@ -89,7 +90,7 @@ def models() -> Named:
         present = ViewTable(views) if settings.backdrop == "standing" else None
         yield from _shown(label, model, present)
         if label == "standing":
-            seeded = BackgroundModel(CAMERAS, settings, scene, seed=seed_of(SavedModel.of(CAMERAS, 0, model, None)))
+            seeded = BackgroundModel(CAMERAS, settings, scene, seed=_behind(model))
             assert seeded.update(video[0]).rays > 0
             assert seeded.state().atlases
             yield from _shown("seeded", seeded, present)
@@ -123,6 +124,13 @@ def walks() -> Named:
         view = model.render_pbi(EYE).view
         yield f"{label} disparity", EYE.depth.disparity(view.codes)
         yield f"{label} luma", view.texture.y
+
+
+def _behind(model: BackgroundModel) -> Seed:
+    """A model as a seed, a little behind: of two surfaces at exactly the same depth, either may be hit first."""
+    seed = seed_of(SavedModel.of(CAMERAS, 0, model, None))
+    away = np.array([0.003, 0.0, 0.0])
+    return Seed(tuple(dataclasses.replace(part, vertices=part.vertices + away) for part in seed.parts))
 
 
 def _shown(label: str, model: BackgroundModel, present: ViewTable | None) -> Named:
