@@ -125,7 +125,7 @@ class _Show:
             tasks = serving, showing, playing
             await asyncio.wait(tasks, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
             for task in (showing, playing):  # if the twin cannot be made, that is why it cannot be played
-                if task.done():
+                if task.done() and not self._server.should_exit:  # a server that was asked to end closes connections
                     task.result()
         finally:
             for task in (playing, showing):

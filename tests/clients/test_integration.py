@@ -7,8 +7,10 @@ import io
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
 import urllib.request
 from pathlib import Path
 
@@ -179,18 +181,24 @@ def test_an_export_that_cannot_be_is_refused_at_once(
 
 def test_the_demo_runs_and_stops(tmp_path: Path) -> None:
     cache = tmp_path / "a cache"
-    arguments = ["--scale", 0.03, "--frames", 2, "--seconds", 3, "--port", 0, "--cache", cache]
-    first = farside("demo", *arguments)
+    folder = cache / "museum-0.03-2"
+    arguments = ["--scale", 0.03, "--frames", 2, "--port", 0, "--cache", cache]
+    command = [sys.executable, "-m", "farside.clients.cli", "demo", *map(str, arguments)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while not folder.is_dir() and process.poll() is None:  # the twin is complete
+            time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        out, error = process.communicate()
+    first = subprocess.CompletedProcess(command, process.returncode, out, error)
     assert first.returncode == 0, first.stderr
     assert "watch at http://127.0.0.1:" in first.stdout
-    folder = cache / "museum-0.03-2"
     assert list(cache.iterdir()) == [folder]
     size = sum(path.stat().st_size for path in folder.rglob("*"))
     told = re.search(r"the twin will take (\S+) GB in (.+); to remove it: (.+)\n", first.stdout)
     assert told is not None
     assert float(told[1]) * 1e9 == pytest.approx(size, rel=0.1)
     assert told[2] == str(folder)
-    again = farside("demo", *arguments)
+    again = farside("demo", *arguments, "--seconds", 0.5)
     assert f"the twin is in {folder}, " in again.stdout
     subprocess.run(told[3], shell=True, check=True)
     assert not folder.exists()
