@@ -137,7 +137,7 @@ def test_names_of_a_sequence_are_no_markup(monkeypatch: pytest.MonkeyPatch, caps
     async def ask(*given: object) -> None:
         return None
 
-    monkeypatch.setattr(replay, "open_recording", lambda path: Named())
+    monkeypatch.setattr(replay, "open_recording", lambda *_: Named())
     monkeypatch.setattr(replay, "persist", ask)
     monkeypatch.setenv("COLUMNS", "200")
     replay.command(Path("x"), "http://127.0.0.1:1")
