@@ -157,7 +157,7 @@ def _joined(names: list[str] | None) -> str | None:
 
 def stop_within(settings: ServerSettings) -> None:
     """Give the server the time after a signal that its settings allow, and a moment more."""
-    set_patience(settings.ending_s + 0.4)
+    set_patience(settings.ending_s + 1.0)
 
 
 def run(server: uvicorn.Server, listening: Sequence[socket.socket]) -> None:
