@@ -80,7 +80,8 @@ def _codes() -> list[Case]:
 def _coded(coding: DepthCoding, even: int, odd: int, without: int = 0) -> list[Measured]:
     """Errors of a view whose depth codes alternate between `even` and `odd` like the squares of a chess board.
 
-    without: the first frames that have no depth at all. Luma is compared with the view's own. Disparity must lie between the least and the largest of the view.
+    without: number of the first frames, which have no depth at all. Luma is compared with the view's own. Disparity
+    must lie between the least and the largest of the view.
     """
     camera = rig((36, 24), coding=coding)[0]
     board = np.indices((camera.height, camera.width)).sum(axis=0) % 2
