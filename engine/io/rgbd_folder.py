@@ -22,7 +22,6 @@ from ..rig.camera import Camera, Perspective, Pose
 from ..rig.depth import DepthCoding
 from ..rig.frame import Fault, Frame, Texture, View
 from ..rig.pose_watch import not_a_pose
-from ..rig.texture import from_rgb
 from ..support.array_types import F64
 from .file_names import entries
 from .pose_trace import CameraPoses, believed_poses
@@ -91,6 +90,8 @@ class RgbdFolder:
 
     def texture(self, name: str, frame: int) -> Texture:
         """The camera's picture in 10-bit codes."""
+        from ..rig.texture import from_rgb  # late, as it loads the compiler, which a list of contents does not need
+
         self.camera(name, frame)
         path = self.folder / "color" / f"{self._stems[frame]}.png"
         return from_rgb(self._picture(path, "RGB", np.uint8))

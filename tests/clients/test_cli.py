@@ -37,6 +37,12 @@ def test_help_lists_every_command_and_imports_none() -> None:
         assert f" {name} " in done.stdout
 
 
+def test_info_loads_no_compiler() -> None:
+    code = "import sys, farside.clients.info; assert 'numba' not in sys.modules"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_has_help(name: str) -> None:
     done = CliRunner().invoke(app, [name, "--help"])
