@@ -53,6 +53,8 @@ def _read(kind: Any, plain: Any, arrays: Sequence[npt.NDArray[Any]], name: str) 
         return _read_tuple(inner, plain, arrays, name)
     if origin is np.ndarray:
         return _read_array(np.dtype(typing.get_args(inner[1])[0]), plain, arrays, name)
+    if origin is npt.NDArray:  # in newer releases of NumPy it is an alias with an origin of its own
+        return _read_array(np.dtype(inner[0]), plain, arrays, name)
     if kind is float and type(plain) is int:
         return plain
     if type(plain) is not kind and not (plain is None and kind is type(None)):
