@@ -9,7 +9,7 @@ from urllib.parse import quote
 import typer
 from farside.engine.io.mesh_files import FORMATS, colours_of, to_file
 from farside.engine.io.recording import open_recording
-from farside.engine.io.saved_file import is_saved
+from farside.engine.io.saved_file import means_saved
 from farside.engine.io.seed_file import check_seed
 from farside.engine.rig.left_out import LeftOut
 from farside.engine.settings import Settings
@@ -64,7 +64,7 @@ def command(
     colours = colours_of(suffix, colours)
     if "://" in where:
         data = _of_server(where, suffix, colours, token_of(where, token), ca_file)
-    elif Path(where).is_file() and (where.endswith(".farside") or is_saved(Path(where))):
+    elif means_saved(Path(where)):
         data = _of_saved(Path(where), suffix, colours)
     else:
         data = _of_sequence(

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 from farside.engine.io.rgbd_folder import RgbdFolder, is_rgbd_folder
-from farside.engine.io.saved_file import is_saved, read_about
+from farside.engine.io.saved_file import means_saved, read_about
 from farside.engine.io.tmiv_check import check_sequence
 from farside.engine.io.tmiv_empty import look_for_empty_views
 from farside.engine.io.tmiv_json import Description, TmivError, find_json, read_json
@@ -43,7 +43,7 @@ def command(
     if is_rgbd_folder(sequence):
         _show_walk(console, sequence)
         return
-    if sequence.is_file() and (sequence.suffix == ".farside" or is_saved(sequence)):
+    if means_saved(sequence):
         _show_saved(console, sequence)
         return
     problems, warnings = check_sequence(sequence), list[str]()

@@ -11,8 +11,9 @@ from PIL import Image
 
 from ..geometry.refinement import refined
 from ..io.coloured_meshes import ycbcr_from_srgb
-from ..io.glb_scene import GlbPart, encoded, open_picture, read_glb
+from ..io.glb_scene import GlbPart, open_picture, read_glb
 from ..io.saved_file import is_saved
+from ..io.srgb import encoded, linear
 from ..rig.texture import from_rgb
 from ..support.array_types import F32, F64, I32, U8
 from .atlas import Atlas
@@ -159,9 +160,8 @@ def _tinted(rgb: U8, factor: F32) -> U8:
     """A picture multiplied with a factor of linear light, in R'G'B'."""
     if (factor == 1.0).all():
         return rgb
-    code = np.arange(256) / 255.0
-    linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
-    tables = np.rint(255.0 * encoded((linear[:, None] * factor).astype(np.float32))).astype(np.uint8)
+    light = linear(np.arange(256) / 255.0)
+    tables = np.rint(255.0 * encoded((light[:, None] * factor).astype(np.float32))).astype(np.uint8)
     return np.stack([tables[rgb[..., k], k] for k in range(3)], axis=-1)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .coloured_meshes import ColouredMesh, TexturedMesh, TexturedPart
+from .srgb import linear
 
 __all__ = ["MAX_BYTES", "to_glb"]
 
@@ -163,8 +164,6 @@ def _texture(file: _File, jpeg: bytes) -> int:
 
 def _linear_rgba(colours: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:  # [n, 3] -> [n, 4]
     """R'G'B' (IEC 61966-2-1, sRGB) as linear light in 16 bits, with an alpha of 1."""
-    encoded = colours.astype(np.float64)
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     rgba = np.full((len(colours), 4), 65535, "<u2")
-    rgba[:, :3] = np.rint(65535.0 * linear)
+    rgba[:, :3] = np.rint(65535.0 * linear(colours))
     return rgba

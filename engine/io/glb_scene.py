@@ -18,6 +18,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from .glb_file import GlbFile
+from .srgb import encoded
 
 __all__ = ["GlbPart", "read_glb"]
 
@@ -251,12 +252,3 @@ def _picture(file: GlbFile, number: Any, name: str) -> tuple[bytes, tuple[str, s
         sampler = file.item("samplers", texture["sampler"], f"textures[{number}].sampler")
     across, along = (names.get(sampler.get(key, _REPEAT), "repeat") for key in ("wrapS", "wrapT"))
     return data, (across, along)
-
-
-def encoded(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Linear light as R'G'B' (IEC 61966-2-1, sRGB), from 0 to 1."""
-    light = np.clip(linear.astype(np.float64), 0.0, 1.0)
-    out: npt.NDArray[np.float32] = np.where(
-        light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055
-    ).astype(np.float32)
-    return out

@@ -17,7 +17,10 @@ from ..settings import MODELLING, Settings
 from .records import from_plain, to_plain
 from .sealed_file import MAGIC, read_sealed, write_sealed
 
-__all__ = ["VERSION", "About", "Scalar", "check_settings", "is_saved", "read_about", "read_saved", "write_saved"]
+__all__ = [
+    "VERSION", "About", "Scalar", "check_settings", "is_saved", "means_saved", "read_about", "read_saved",
+    "write_saved",
+]  # fmt: skip
 
 VERSION = 3  # of the records
 
@@ -45,6 +48,11 @@ def is_saved(path: Path) -> bool:
     """Whether a file begins like a saved model; raises OSError if it cannot be read."""
     with path.open("rb") as file:
         return file.read(len(MAGIC)) == MAGIC
+
+
+def means_saved(path: Path) -> bool:
+    """Whether a path is a file that is a saved model, or is called like one and should be."""
+    return path.is_file() and (path.name.endswith(".farside") or is_saved(path))
 
 
 def write_saved(path: Path, about: About, record: Any) -> int:
