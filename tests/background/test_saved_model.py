@@ -15,6 +15,7 @@ from farside.engine.rig.camera import Perspective, Pose
 from farside.engine.rig.frame import Fault
 from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
+from support.leaves import leaves
 from support.rooms import camera_row, frame
 
 FRAMES, HALF_WAY = 12, 6
@@ -103,18 +104,6 @@ def walk(moves=True, unseen=range(0), gone=range(0)):
             if index in left_out:
                 views[c] = dataclasses.replace(views[c], fault=MISSING)
         yield dataclasses.replace(one, views=tuple(views))
-
-
-def leaves(record, name="state"):
-    if dataclasses.is_dataclass(record):
-        for field in dataclasses.fields(record):
-            yield from leaves(getattr(record, field.name), f"{name}.{field.name}")
-    elif isinstance(record, tuple):
-        yield f"{name}.length", len(record)
-        for number, item in enumerate(record):
-            yield from leaves(item, f"{name}[{number}]")
-    else:
-        yield name, record
 
 
 def continued(some, path):

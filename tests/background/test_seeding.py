@@ -23,6 +23,7 @@ from farside.engine.settings import Settings
 from PIL import Image
 from support.models import near_points, pbi_of, picture_of
 from support.rooms import BOX_X, BOX_Y, WALL_X, camera_row, frame, see
+from support.texels import at
 
 SETTINGS = Settings(n_init=3)
 FORMATS = ("saved", "texture", "vertex")
@@ -62,15 +63,6 @@ def through_file(model, kind, folder):
 
 def empty_room(cameras=None, shift=0):
     return model_of([coloured(see(camera), shift) for camera in cameras or camera_row()])
-
-
-def at(rgb, uv):
-    """Bilinear samples of a picture [h, w, 3] at pixel coordinates [n, 2], as a graphics card takes them."""
-    (x0, y0), (fx, fy) = np.floor(uv - 0.5).astype(int).T, ((uv - 0.5) % 1.0).T
-    weights = [(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy]
-    h, w = rgb.shape[:2]
-    texels = [rgb[np.clip(y0 + k // 2, 0, h - 1), np.clip(x0 + k % 2, 0, w - 1)] for k in range(4)]
-    return sum(weight[:, None] * texel for weight, texel in zip(weights, texels, strict=True))
 
 
 def shown(model, camera, present=None):

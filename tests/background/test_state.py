@@ -14,6 +14,7 @@ from farside.engine.kernels.base.tone import IDENTITY
 from farside.engine.rig.camera import Equirectangular, Pose
 from farside.engine.rig.frame import Fault, Frame
 from farside.engine.settings import Settings
+from support.leaves import leaves
 from support.rooms import CODING, camera_row, frame
 
 FRAMES, HALF_WAY = 24, 11
@@ -58,19 +59,6 @@ def everything(model, seen):
     mesh = model.mesh()
     found |= {"vertices": mesh.vertices, "triangles": mesh.triangles, "colours": mesh.colours}
     return found | dict(leaves(model.state()))
-
-
-def leaves(record, name="state"):
-    """Arrays and scalars of a state, by their path in it."""
-    if dataclasses.is_dataclass(record):
-        for field in dataclasses.fields(record):
-            yield from leaves(getattr(record, field.name), f"{name}.{field.name}")
-    elif isinstance(record, tuple):
-        yield f"{name}.length", len(record)
-        for number, item in enumerate(record):
-            yield from leaves(item, f"{name}[{number}]")
-    else:
-        yield name, record
 
 
 def assert_same(found, expected):

@@ -17,6 +17,7 @@ from farside.engine.rig.frame import Frame, Texture, View
 from farside.engine.settings import Settings
 from support.models import picture_of
 from support.rooms import CODING, camera_row, see, wall_with_window
+from support.texels import at
 
 LOSS = 3  # codes of 255 that the JPEG may differ by from the picture, in smooth places
 
@@ -48,15 +49,6 @@ def whole(mesh):
     """Positions of triangles' corners of all parts, in the same order as `corners_of`."""
     corners = np.concatenate([part.vertices[part.triangles].reshape(-1, 9) for part in mesh.parts])
     return corners[np.lexsort(corners.T)]
-
-
-def at(rgb, uv):
-    """Bilinear samples of a picture [h, w, 3] at pixel coordinates [n, 2], as a graphics card takes them."""
-    (x0, y0), (fx, fy) = np.floor(uv - 0.5).astype(int).T, ((uv - 0.5) % 1.0).T
-    weights = [(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy]
-    h, w = rgb.shape[:2]
-    texels = [rgb[np.clip(y0 + k // 2, 0, h - 1), np.clip(x0 + k % 2, 0, w - 1)] for k in range(4)]
-    return sum(weight[:, None] * texel for weight, texel in zip(weights, texels, strict=True))
 
 
 def test_the_triangles_are_those_of_the_mesh_with_coloured_vertices():

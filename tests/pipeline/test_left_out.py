@@ -16,6 +16,7 @@ from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Fault, Frame, Texture
 from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
+from support.leaves import leaves
 from support.rooms import BOX_X, CODING, WALL_X, camera_row, frame
 
 MISSING = Fault("missing")
@@ -51,17 +52,6 @@ def without(frame, *left_out, garbage=None):
 
 def planes_of(view):
     return view.texture.y, view.texture.cb, view.texture.cr, view.codes
-
-
-def leaves(record, name="state"):
-    if dataclasses.is_dataclass(record):
-        for field in dataclasses.fields(record):
-            yield from leaves(getattr(record, field.name), f"{name}.{field.name}")
-    elif isinstance(record, tuple):
-        for number, item in enumerate(record):
-            yield from leaves(item, f"{name}[{number}]")
-    else:
-        yield name, record
 
 
 def assert_same_state(model, other):

@@ -7,8 +7,9 @@ import gc
 import os
 import socket
 import struct
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection
+from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager, closing
+from functools import partial
 from urllib.parse import urlsplit
 
 import pytest
@@ -18,7 +19,7 @@ from farside.server import connection, poses
 from farside.server.pictures import encode_view
 from farside.server.protocol import MAX_HELLO_BYTES, PoseUpdate, SourceHello, ViewerHello, Welcome, decode, encode
 from support.doubles import CAMERAS, CODING, HANG_S, FakeCore, a_view
-from support.serving import running
+from support.serving import run_within, running
 from websockets.asyncio.client import connect as raw_connect
 from websockets.client import ClientProtocol
 from websockets.exceptions import ConnectionClosed
@@ -30,12 +31,7 @@ VIEWER = ViewerHello.symmetric(32, 24, 1.5)
 LARGE = ViewerHello.symmetric(2048, 2048, 1.5, encoding="raw")  # a pair takes 25 MB
 
 
-def run(scenario: Callable[[], Awaitable[None]]) -> None:
-    async def guarded() -> None:
-        async with asyncio.timeout(2 * HANG_S):
-            await scenario()
-
-    asyncio.run(guarded())
+run = partial(run_within, 2 * HANG_S)
 
 
 @asynccontextmanager

@@ -6,7 +6,8 @@ import asyncio
 import dataclasses
 import json
 import urllib.request
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import msgpack
@@ -20,7 +21,7 @@ from farside.server import ingest, protocol
 from farside.server.pictures import encode_view
 from farside.server.protocol import BufferFree, Features, FrameDone, Picture, SourceHello, ViewData, Welcome
 from support.doubles import CAMERAS, Cores, FakeCore, a_view
-from support.serving import running
+from support.serving import run_within, running
 from websockets.asyncio.client import connect as raw_connect
 
 HANG_S = 30.0
@@ -55,12 +56,7 @@ def url(cores: Cores) -> Iterator[str]:
         yield address
 
 
-def run(scenario: Callable[[], Awaitable[None]]) -> None:
-    async def guarded() -> None:
-        async with asyncio.timeout(HANG_S):
-            await scenario()
-
-    asyncio.run(guarded())
+run = partial(run_within, HANG_S)
 
 
 def view(number: int, frame: int, /, **changes: Any) -> ViewData:

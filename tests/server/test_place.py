@@ -8,8 +8,9 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any
 
 import pytest
@@ -25,7 +26,7 @@ from farside.server.pictures import encode_view
 from farside.server.protocol import BufferFree, FrameDone, SourceHello, encode
 from starlette.websockets import WebSocket
 from support.doubles import CAMERAS, HANG_S, FakeCore, Gate, a_view
-from support.serving import running
+from support.serving import run_within, running
 from websockets.asyncio.client import connect as raw_connect
 
 SOURCE = SourceHello("walls", 30.0, CAMERAS)
@@ -57,12 +58,7 @@ def url(cores: Cores) -> Iterator[str]:
         yield address
 
 
-def run(scenario: Callable[[], Awaitable[None]]) -> None:
-    async def guarded() -> None:
-        async with asyncio.timeout(2 * HANG_S):
-            await scenario()
-
-    asyncio.run(guarded())
+run = partial(run_within, 2 * HANG_S)
 
 
 async def send_views(peer: Peer, frame: int, cameras: tuple[Camera, ...] = CAMERAS) -> None:

@@ -10,7 +10,8 @@ import re
 import socket
 import urllib.error
 import urllib.request
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -42,7 +43,7 @@ from farside.server.protocol import (
 )
 from support.clocks import Clock
 from support.doubles import CAMERAS, Cores, FakeCore, a_view
-from support.serving import running
+from support.serving import run_within, running
 from websockets.asyncio.client import connect as raw_connect
 from websockets.exceptions import ConnectionClosed
 
@@ -62,12 +63,7 @@ def url(cores: Cores) -> Iterator[str]:
         yield address
 
 
-def run(scenario: Callable[[], Awaitable[None]]) -> None:
-    async def guarded() -> None:
-        async with asyncio.timeout(HANG_S):
-            await scenario()
-
-    asyncio.run(guarded())
+run = partial(run_within, HANG_S)
 
 
 def view(number: int, index: int, /, **changes: Any) -> ViewData:

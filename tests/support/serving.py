@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -13,9 +14,19 @@ from farside.engine.live.core import Core, Source
 from farside.server.app import make_server
 from farside.server.settings import ServerSettings
 
-__all__ = ["running"]
+__all__ = ["run_within", "running"]
 
 HANG_S = 60.0
+
+
+def run_within(seconds: float, scenario: Callable[[], Awaitable[None]]) -> None:
+    """Runs a scenario in an event loop of its own; raises TimeoutError if it hangs."""
+
+    async def guarded() -> None:
+        async with asyncio.timeout(seconds):
+            await scenario()
+
+    asyncio.run(guarded())
 
 
 @contextmanager
