@@ -536,12 +536,11 @@ def test_a_viewer_that_tells_what_it_has_seen_has_few_pictures_under_way() -> No
 
                 async def show(tag: int, seen: int, pictures: int) -> None:
                     viewer.look(HeadPose(Pose(), tag / 100, tag, None, seen))
-                    await until(lambda: not viewer.wake.is_set() and len(screen.seen) == viewer.rendered)
-                    assert len(screen.seen) == pictures
+                    await until(lambda: not viewer.wake.is_set() and len(screen.seen) >= pictures)
 
                 await show(1, 0, 1)
                 await show(2, 0, 2)
-                await show(3, 0, 2)  # two are under way
+                await show(3, 0, 2)  # two are under way: a picture of this pose would come before the next one's
                 await show(4, 1, 3)  # one has arrived: the newest pose is next
                 assert [tag for tag, _ in screen.seen] == [1, 2, 4]
                 assert viewer.dropped == 1
