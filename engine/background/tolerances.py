@@ -144,7 +144,7 @@ def with_noise(
         difference = difference[np.isfinite(difference)]
         if difference.size:
             # The median, as less than half of a picture moves.
-            noise.append(_DEVIATION_OF_MEDIAN * float(np.median(difference)))
+            noise.append(_DEVIATION_OF_MEDIAN * float(np.median(difference, overwrite_input=True)))
     if not noise:
         return tolerances
     deviation = float(np.median(noise))

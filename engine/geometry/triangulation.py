@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from ..kernels.geometry import cuts as cut_kernels
 from ..kernels.geometry import splits as split_kernels
 from ..kernels.geometry import triangulate as kernels
 from ..kernels.geometry.records import BlockArrays, DepthMap, MeshArrays, Rays
-from ..rig.camera import Camera, Perspective
-from ..support.packed import CX, CY, FX, FY, PHI_MAX, RADIANS_A_COLUMN, RADIANS_A_ROW, THETA_MAX
+from ..rig.camera import Camera, Perspective, Projection
+from ..support.array_types import F64
 from .mesh import Mesh
 
 __all__ = ["TriangulationOptions", "Triangulator", "depth_cuts", "triangulate"]
@@ -279,14 +280,21 @@ def _tiling(h: int, w: int) -> tuple[int, int]:
 
 def _rays(camera: Camera, origin: npt.ArrayLike) -> Rays:
     """Directions at every half pixel, and the packed camera relative to the origin."""
-    packed = camera.packed(origin)
-    u, v = 0.5 * np.arange(2 * camera.width + 1) + 0.5, 0.5 * np.arange(2 * camera.height - 1) + 0.5
-    if isinstance(camera.projection, Perspective):
-        across = np.stack([np.ones_like(u), (packed[CX] - u) / packed[FX]], axis=-1)
-        return Rays(packed, across, np.stack([np.ones_like(v), (packed[CY] - v) / packed[FY]], axis=-1))
-    phi, theta = packed[PHI_MAX] - u * packed[RADIANS_A_COLUMN], packed[THETA_MAX] - v * packed[RADIANS_A_ROW]
+    return Rays(camera.packed(origin), *_directions(camera.projection))
+
+
+@lru_cache(maxsize=32)  # the cameras of a rig mostly share them; 100 KB for a view of 2048 x 2048 pixels
+def _directions(projection: Projection) -> tuple[F64, F64]:
+    """Directions across [2 w + 1, 2] and down [2 h - 1, 2] (see `kernels.geometry.records.Rays`)."""
+    width, height = projection.width, projection.height
+    u, v = 0.5 * np.arange(2 * width + 1) + 0.5, 0.5 * np.arange(2 * height - 1) + 0.5
+    if isinstance(projection, Perspective):
+        across = np.stack([np.ones_like(u), (projection.cx - u) / projection.fx], axis=-1)
+        return across, np.stack([np.ones_like(v), (projection.cy - v) / projection.fy], axis=-1)
+    (right, left), (bottom, top) = projection.hor_range, projection.ver_range
+    phi, theta = left - u * ((left - right) / width), top - v * ((top - bottom) / height)
     across, down = (np.stack([np.cos(angle), np.sin(angle)], axis=-1) for angle in (phi, theta))
-    return Rays(packed, across, down)
+    return across, down
 
 
 def _check(name: str, array: npt.NDArray[Any], shape: tuple[int, int], dtype: type) -> None:

@@ -228,12 +228,12 @@ def _write(hits: F64, captures: I64, coding: Coding, pair: int, column: int, pic
 
 
 @serial
-def _leave_out(pair: int, column: int, picture: Picture) -> None:
-    """Makes the 2x2 pixels holes."""
-    row, x = 2 * pair, 2 * column
-    picture.codes[row : row + 2, x : x + 2] = 0
-    picture.y[row : row + 2, x : x + 2] = 0
-    picture.cb[pair, column], picture.cr[pair, column] = 512, 512
+def _clear(pair: int, picture: Picture) -> None:
+    """Makes a pair of rows of pixels holes."""
+    for row in range(2 * pair, min(2 * pair + 2, picture.codes.shape[0])):
+        picture.codes[row, :] = 0
+        picture.y[row, :] = 0
+    picture.cb[pair, :], picture.cr[pair, :] = 512, 512
 
 
 @parallel
@@ -246,9 +246,9 @@ def _finish(
     rows, columns = picture.cb.shape
     for pair in numba.prange(rows):
         hits = np.empty((4, _HIT_SIZE))
+        _clear(pair, picture)
         for column in range(columns):
             if not _is_wanted(wanted, pair, column, 0):
-                _leave_out(pair, column, picture)
                 continue
             pixel = 2 * np.int64(pair), 2 * column
             size = picture.codes.shape
