@@ -14,6 +14,7 @@ from typing import Any
 import numba
 from numba.core.dispatcher import Dispatcher
 
+from .kernel import Kernel
 from .kernel_cache import keeping
 from .outline import outline
 from .private import LoopCompiler, PrivateCompiler, make_private
@@ -37,8 +38,10 @@ def _decorator(**options: Any) -> Any:
             compiler = {"pipeline_class": PrivateCompiler} if private else {}
             chosen = {**compiler, **wrappers, **options, **more}
             made = numba.njit(cache=kept, error_model="numpy", **chosen)(function)
-            if private and isinstance(made, Dispatcher):
-                make_private(made, kept)
+            if isinstance(made, Dispatcher):  # otherwise nothing is compiled
+                made.__class__ = Kernel
+                if private:
+                    make_private(made, kept)
         return made
 
     return decorate

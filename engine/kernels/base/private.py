@@ -14,6 +14,8 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, compile_result
 from numba.core.dispatcher import Dispatcher
 
+from .kernel import Kernel
+
 __all__ = ["LoopCompiler", "PrivateCompiler", "make_private"]
 
 
@@ -103,7 +105,7 @@ class _Cache(FunctionCache):  # type: ignore[misc] # numba is untyped
     _impl_class = _Results
 
 
-class _Private(Dispatcher):
+class _Private(Kernel):
     """A kernel that has no entry for Python."""
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:

@@ -59,8 +59,8 @@ def _draw_clipped(
     h, w = disparity.shape
     count = max(_clip(screen, triangle, camera, near, polygon) - 2, 0)
     set_up(
-        polygon.ctypes.data, fan.ctypes.data, both.ctypes.data, count, winding(camera), np.float32(0.0), rows, (w, h),
-        ready.ctypes.data,
+        polygon.ctypes.data, fan.ctypes.data, np.int64(both.ctypes.data), count, winding(camera), np.float32(0.0), rows,
+        (w, h), ready.ctypes.data,
     )  # fmt: skip
     for lane in range(count):
         draw_triangle(
