@@ -166,5 +166,5 @@ class _Show:
                 if self._twin and made is not None:
                     self._twin.check()
                     bar.update(made, completed=self._twin.done)
-                await asyncio.sleep(0.25)
+                await asyncio.sleep(0.5)  # looking for frames takes time that kernels need
         await asyncio.Event().wait()

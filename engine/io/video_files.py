@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection
 from pathlib import Path
@@ -35,12 +36,11 @@ def find_video(folder: Path, camera: Camera, kind: Kind, others: Collection[str]
     files, if there are several such.
     """
     bits = camera.texture_bits if kind == "texture" else camera.depth.bits
-    for place in (folder, find_entry(folder, "truth")):
-        files = _files_of(place, camera, kind, others) if place and place.is_dir() else {}
-        videos = [RawVideo(path, camera.width, camera.height, name) for name, path in files.items()]
-        if videos:
-            return min(videos, key=lambda video: video.format.bits != bits)
-    return None
+    files = _files_of(folder, camera, kind, others)
+    if not files and (truth := find_entry(folder, "truth")):
+        files = _files_of(truth, camera, kind, others)
+    videos = [RawVideo(path, camera.width, camera.height, name) for name, path in files.items()]
+    return min(videos, key=lambda video: video.format.bits != bits) if videos else None
 
 
 def look_alikes(folder: Path, camera: Camera, kind: Kind) -> list[str]:
@@ -68,14 +68,14 @@ def _start(camera: Camera, kind: Kind) -> str:
 
 def _files_of(folder: Path, camera: Camera, kind: Kind, others: Collection[str]) -> dict[str, Path]:
     """For each pixel format the camera's file in a folder."""
-    start = _start(camera, kind)
+    start, names = _start(camera, kind), sorted(os.listdir(folder)) if folder.is_dir() else []
+    exact = re.compile(re.escape(start) + rf"({PIXEL_FORMATS})\.yuv")
+    # Most names are exact, and are looked for in a growing folder again and again: other names only if there is none.
+    if files := {match[1]: folder / name for name in names if (match := exact.fullmatch(name))}:
+        return files
     pattern = re.compile(re.escape(same_name(start)) + rf"({PIXEL_FORMATS})\.yuv")
-    matches = [(path, pattern.fullmatch(same_name(path.name))) for path in sorted(folder.iterdir())]
-    similar = [(match[1], path) for path, match in matches if match]
-    exact = {name: path for name, path in similar if path.name == f"{start}{name}.yuv"}
-    if exact:
-        return exact
     theirs = tuple(f"{name}_{kind}_" for name in others if name != camera.name)
-    similar = [(name, path) for name, path in similar if not path.name.startswith(theirs)]
+    matches = [(name, pattern.fullmatch(same_name(name))) for name in names if not name.startswith(theirs)]
+    similar = [(match[1], folder / name) for name, match in matches if match]
     alone = {name: only_one(f"{start}{name}.yuv", (path for n, path in similar if n == name)) for name, _ in similar}
     return {name: path for name, path in alone.items() if path}
