@@ -23,13 +23,14 @@ class RawWriter:
         self._files: dict[Path, BinaryIO] = {}
 
     def append(self, path: Path, planes: Iterable[npt.NDArray[Any]]) -> None:
-        """Append planes, each as it is in memory, row by row."""
+        """Append planes, each as it is in memory, row by row. From then on others can read them."""
         with _named(path):
             if path not in self._files:
                 path.parent.mkdir(exist_ok=True)
                 self._files[path] = path.open("wb")
             for plane in planes:
                 self._files[path].write(np.ascontiguousarray(plane).data)
+            self._files[path].flush()
 
     def close(self) -> None:
         """Close all files; raises OSError if the end of one cannot be written, after the others have been closed."""

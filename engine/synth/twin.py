@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,8 +14,10 @@ from ..io.tmiv import SequenceWriter
 from ..kernels.evaluation.depth_noise import perturb_codes
 from ..kernels.synth.solids import Solids
 from ..kernels.synth.trace import SceneArrays, TracedPicture, trace_picture
-from ..rig.camera import Camera
+from ..rig.camera import Camera, Perspective
 from ..rig.frame import Frame, Texture, View
+from ..rig.selection import select_views
+from ..rig.viewer import home_pose
 from .rigs import Rig, twin_cameras
 from .scenes import Scene, make_scene
 
@@ -25,6 +28,7 @@ FPS = 30.0
 # Errors of estimated depth at strength 1: the distance by which edges wander, as a share of the picture's width, and
 # the error of codes, as a share of their range.
 EDGE_ERROR, CODE_ERROR = 0.0025, 0.006
+_WIDE, _DEPTHS_M = Perspective.from_fov(64, 64, math.pi / 2), (1.5, 3.0, 6.0)  # of a viewer, and what is looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +153,9 @@ def write_twin(
 
     Without `truth` there are no virtual cameras.
 
+    The views of a frame are written in the order of their use for a viewer in the middle of the rig: they can be read
+    before the others are there.
+
     `frames` is the number of frames, by default that of the original. `progress` is called with the number of
     pictures done and the total. The JSON is called `json_name`.json, by default as the folder. Raises ValueError as
     `make_twin` does, and for a number of frames below 1.
@@ -158,7 +165,7 @@ def write_twin(
     if count < 1:
         raise ValueError(f"frames: {count!r}: expected at least 1")
     targets = twin.rig.target_names
-    names = (*twin.source_names, *(targets if truth else ()))
+    names = (*_most_useful_first(twin), *(targets if truth else ()))
     cameras = [camera for camera in twin.cameras if truth or camera.name not in targets]
     done, total = 0, count * len(names)
     progress(done, total)
@@ -172,6 +179,14 @@ def write_twin(
                 writer.write(camera, view.texture, view.codes, view.camera.pose)
                 done += 1
                 progress(done, total)
+
+
+def _most_useful_first(twin: Twin) -> tuple[str, ...]:
+    """The source cameras in the order in which a viewer in the middle of the rig would choose them."""
+    cameras = twin.sources
+    middle = Camera("middle", _WIDE, home_pose(cameras), cameras[0].depth)
+    chosen = [twin.source_names[k] for k in select_views(middle, cameras, len(cameras), _DEPTHS_M)]
+    return (*chosen, *(name for name in twin.source_names if name not in chosen))
 
 
 def _trace(

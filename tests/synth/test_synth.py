@@ -17,6 +17,7 @@ from farside.engine.kernels.synth import patterns
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import View
+from farside.engine.rig.viewer import home_pose
 from farside.engine.synth import (
     TWINS,
     Scene,
@@ -324,6 +325,23 @@ def test_written_twin_reads_back_with_its_moving_camera(tmp_path: Path) -> None:
         files = {p.name for p in (folder / "truth").glob(f"{name}_*")}
         size = f"{camera.width}x{camera.height}"
         assert files == {f"{name}_texture_{size}_yuv420p10le.yuv", f"{name}_depth_{size}_yuv420p16le.yuv"}
+
+
+def test_the_views_that_a_viewer_in_the_middle_needs_are_written_first(tmp_path: Path) -> None:
+    folder, first = tmp_path / "museum", list[str]()
+
+    def note(done: int, _total: int) -> None:
+        if done == 8:
+            sequence = open_sequence(folder, growing=True)
+            first.extend(name for name in sequence.source_names if sequence.pictures_of(name))
+
+    write_twin("museum", folder, SCALE, 1, progress=note, truth=False)
+    assert len(first) == 8
+    twin = make_twin("museum", SCALE)
+    cameras = {camera.name: camera for camera in twin.sources}
+    home = home_pose(twin.sources)
+    ahead = {name: float(cameras[name].pose.rotation()[:, 0] @ home.rotation()[:, 0]) for name in cameras}
+    assert set(first) == set(sorted(ahead, key=lambda name: -ahead[name])[:8])  # they look where the viewer looks
 
 
 def test_the_command_writes_a_sequence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
