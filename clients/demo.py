@@ -142,7 +142,7 @@ class _Show:
         if self._twin:
             await asyncio.to_thread(self._compiling.wait, ("synth",))
             self._twin.start()
-            await self._twin.first_frame()
+            await self._twin.first_views()
             self._waiting = asyncio.create_task(self._go_on(self._twin))
         settings, recording = self._settings, self._recording
         playback = Playback(recording, recording.source_names, self._rate, loop=True, token=settings.token)

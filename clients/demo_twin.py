@@ -14,16 +14,17 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from farside.engine.io.recording import Recording
-from farside.engine.io.tmiv import open_sequence
+from farside.engine.io.tmiv import Sequence, open_sequence
 from farside.engine.io.whole_sequence import hidden_folder
 from farside.engine.rig.camera import Camera, Pose
-from farside.engine.rig.frame import Frame, Texture
+from farside.engine.rig.frame import Fault, Frame, Texture, View
 
 __all__ = ["DemoTwin"]
 
 T = TypeVar("T")
-_POLL_S, _NICENESS = 0.1, 5
+_POLL_S, _NICENESS = 0.2, 5
+_FEW = 8  # views with which the first frame is shown already: more than a picture is drawn from
+_TO_COME = Fault("not made yet")
 
 
 def _give_way(process: int) -> None:
@@ -33,10 +34,17 @@ def _give_way(process: int) -> None:
             os.setpriority(os.PRIO_PROCESS, int(thread.name), _NICENESS)
 
 
+def _first_view(recording: Sequence, name: str) -> View:
+    if recording.pictures_of(name) > 0:
+        return recording.view(name, 0)
+    return View.blank(recording.camera(name), _TO_COME)
+
+
 class DemoTwin:
     """A recording that grows while it is made in a folder; an interrupted run leaves no folder.
 
-    `start`, then `first_frame`, then use it as a `Recording`; `stop` at the end.
+    `start`, then `first_views`, then use it as a `Recording`; `stop` at the end. Until its first frame is whole, the
+    views that are still to be made are left out of it.
     """
 
     def __init__(self, folder: Path, scale: float, total: int) -> None:
@@ -44,7 +52,7 @@ class DemoTwin:
         self._scale, self._done = scale, 0
         self._process: subprocess.Popen[bytes] | None = None
         self._told = tempfile.TemporaryFile()  # noqa: SIM115 # its error output, open as long as the twin
-        self._open: Recording | None = None
+        self._open: Sequence | None = None
         self._place, self._opened = folder, 0.0  # of what is open: where, and when, s
 
     def start(self) -> None:
@@ -53,13 +61,18 @@ class DemoTwin:
         options = ["--scale", str(self._scale), "--frames", str(self.total), "--no-truth"]
         self._process = subprocess.Popen([*command, *options], stdout=subprocess.DEVNULL, stderr=self._told)
 
-    async def first_frame(self) -> None:
-        """Wait until there is a frame; raises OSError as `check` does."""
-        while self.done == 0:
+    async def first_views(self) -> None:
+        """Wait until some views of the first frame are there; raises OSError as `check` does."""
+        while self._first_views() < _FEW:
             self.check()
             await asyncio.sleep(_POLL_S)
         if self._process is not None:
             _give_way(self._process.pid)
+
+    def _first_views(self) -> int:
+        with contextlib.suppress(ValueError, OSError):
+            return self._read(lambda recording: sum(recording.pictures_of(name) > 0 for name in recording.source_names))
+        return 0
 
     def check(self) -> None:
         """Raises OSError, with what the process said last, if it has failed."""
@@ -93,7 +106,7 @@ class DemoTwin:
             self._done = max(self._done, self._read(lambda recording: recording.frame_count))
         return self._done
 
-    def _read(self, read: Callable[[Recording], T]) -> T:
+    def _read(self, read: Callable[[Sequence], T]) -> T:
         """What a function reads from the recording, also while that moves to its place."""
         for _ in range(2):
             with contextlib.suppress(ValueError, OSError):
@@ -102,7 +115,7 @@ class DemoTwin:
         return read(self._recording)
 
     @property
-    def _recording(self) -> Recording:
+    def _recording(self) -> Sequence:
         """The recording where it is now: it moves when it is complete. Raises ValueError if there is none yet."""
         hidden, now = hidden_folder(self.folder), time.monotonic()
         grown = self._place == hidden and now - self._opened > _POLL_S  # a recording knows the files that it has opened
@@ -123,7 +136,7 @@ class DemoTwin:
 
     @property
     def frame_count(self) -> int:
-        """Frames that are there: at least one."""
+        """Frames that are there: at least one, of which views may be left out."""
         return max(1, self.done)
 
     @property
@@ -150,9 +163,11 @@ class DemoTwin:
         return self._read(lambda recording: recording.poses(name))
 
     def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
-        """The reference views of one instant."""
-        wanted = None if names is None else tuple(names)
-        return self._read(lambda recording: recording.frame(index, wanted))
+        """The reference views of one instant; those of the first one that are not made yet are left out."""
+        wanted = self.source_names if names is None else tuple(names)
+        if index > 0 or self.done > 0:
+            return self._read(lambda recording: recording.frame(index, wanted))
+        return self._read(lambda recording: Frame(0, tuple(_first_view(recording, name) for name in wanted)))
 
     def frames(self, start: int = 0, stop: int | None = None, names: Iterable[str] | None = None) -> Iterator[Frame]:
         """Frames in order, as far as they are there when the iterator reaches them."""

@@ -71,6 +71,11 @@ class Sequence:
                 raise TmivError(f"{video.path.name}: {video.extra_bytes} bytes: expected at least {_a_frame(video)}")
         return min([*(video.frame_count for video in videos), *self._rows_of_poses().values()])
 
+    def pictures_of(self, name: str) -> int:
+        """The number of whole pictures with depth that a camera's files hold; 0 if one is missing."""
+        videos = [self._videos.get((name, kind)) or self._find(self.cameras[name], kind) for kind in _KINDS]
+        return min(0 if video is None else video.frame_count for video in videos)
+
     def left_out(self) -> str:
         """The number of frames that `frame_count` leaves out, and the files that are short, for people; "" if none is.
 

@@ -32,8 +32,12 @@ class LeftOutLog(LeftOut):
 
     def note(self, frame: int, faults: Mapping[str, Fault], *, waiting: bool = False) -> None:
         """Take note of the views that are left out of a frame; `waiting`: no frame has shown anything so far."""
+        cameras: dict[Fault, list[str]] = {}
         for camera, fault in self.add(faults).items():
-            _log.warning("camera %s: left out of frame %d: %s (from now on only counted)", camera, frame, fault)
+            cameras.setdefault(fault, []).append(camera)
+        for fault, names in cameras.items():
+            who = f"camera {names[0]}" if len(names) == 1 else f"cameras {', '.join(names)}"
+            _log.warning("%s: left out of frame %d: %s (from now on only counted)", who, frame, fault)
         if waiting and not self._waits:
             self._waits = True
             _log.warning("frame %d: shows nothing; the model waits for the first frame with depth", frame)

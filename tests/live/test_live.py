@@ -182,6 +182,8 @@ def test_views_that_are_left_out_are_counted_once_each_and_named_once(caplog: py
             other = dataclasses.replace(SOURCE, cameras=CAMERAS[:1])
             await live.open(other)
             assert live.status()["left_out"] == {}  # the other rig's
+            await live.open(SOURCE)
+            await live.offer(without(a_frame(0), v0=damaged, v1=damaged))
 
     run(scenario)
     said = [record.getMessage() for record in caplog.records if "left out" in record.getMessage()]
@@ -189,6 +191,7 @@ def test_views_that_are_left_out_are_counted_once_each_and_named_once(caplog: py
         "camera v0: left out of frame 0: texture: 12 bytes: expected a JPEG (from now on only counted)",
         "camera v1: left out of frame 1: black: no light (from now on only counted)",
         "camera v0: left out of frame 4: pose (from now on only counted)",
+        "cameras v0, v1: left out of frame 0: texture: 12 bytes: expected a JPEG (from now on only counted)",
     ]
 
 
