@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 import csv
 import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +16,8 @@ from farside.engine.evaluation.accuracy import Judged, Sample, summarise
 from farside.engine.rig.frame import Texture
 from farside.engine.rig.texture import to_rgb
 from PIL import Image
+
+from .page import data_uri, page, table, thumbnail
 
 __all__ = ["AccuracyReport", "summary_table"]
 
@@ -65,19 +65,6 @@ far out (above 0: fattened) or not far enough; rough: RMS deviation from their s
 of the truth itself, whose pixels have four samples. Thin: the part of structures up to two pixels wide that is rendered
 at their depth. Ghosts, bias, rough and thin: twins only."""
 
-STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 1500px; padding: 0 1rem; color: #1c2530 }
-h1, h2 { line-height: 1.2 } h2 { margin-top: 2.5rem } p { max-width: 60rem; color: #46525f }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 13px }
-th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #e3e7ec; white-space: nowrap }
-th { background: #f3f5f8; position: sticky; top: 0 } td:first-child, th:first-child { text-align: left }
-tr:hover td { background: #f8fafc } .wide { overflow-x: auto }
-article { margin: 1.2rem 0; padding-top: .6rem; border-top: 1px solid #cfd6de } article h3 { margin: 0 0 .3rem }
-article small { color: #5b6875; font-weight: normal }
-.row { display: flex; gap: .5rem; align-items: flex-start } figure { margin: 0; flex: 1 1 0; min-width: 0 }
-figure img { width: 100%; display: block; background: #111 } figcaption { font-size: 12px; color: #5b6875 }
-figure.spot { flex: 0 0 192px } figure.spot img { image-rendering: pixelated; width: 192px }
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +101,10 @@ class AccuracyReport:
         for _caption, name, picture in pictures:
             Image.fromarray(picture).save(self.folder / name)
         place = _worst_place(judged.truth, judged.picture.texture)
-        spots = [(caption, _data_uri(picture[place], "PNG")) for caption, _name, picture in pictures[:2]]
-        shown = [(caption, name, _data_uri(_thumbnail(picture), "JPEG")) for caption, name, picture in pictures]
+        spots = [(caption, data_uri(picture[place], "PNG")) for caption, _name, picture in pictures[:2]]
+        shown = [
+            (caption, name, data_uri(thumbnail(picture, THUMBNAIL_PX), "JPEG")) for caption, name, picture in pictures
+        ]
         self._entries.append(_Entry(sample, shown, spots))
 
     def finish(self, title: str) -> Path:
@@ -130,9 +119,9 @@ class AccuracyReport:
             writer.writerows(rows)
         figures = {"title": title, "summary": summarise(samples), "samples": rows}
         (self.folder / "accuracy.json").write_text(json.dumps(figures, indent=1) + "\n", "utf-8")
-        page = self.folder / "index.html"
-        page.write_text(_page(title, self._entries), "utf-8")
-        return page
+        path = self.folder / "index.html"
+        path.write_text(_page(title, self._entries), "utf-8")
+        return path
 
 
 def summary_table(samples: Sequence[Sample]) -> tuple[list[str], list[list[str]]]:
@@ -160,34 +149,17 @@ def _worst_place(truth: Texture, ours: Texture) -> tuple[slice, slice]:
     return max(places, key=lambda place: float(squared[place].sum()))
 
 
-def _thumbnail(picture: Rgb) -> Rgb:
-    image = Image.fromarray(picture)
-    image.thumbnail((THUMBNAIL_PX, THUMBNAIL_PX))
-    return np.asarray(image)
-
-
-def _data_uri(picture: Rgb, kind: str) -> str:
-    data = BytesIO()
-    Image.fromarray(np.ascontiguousarray(picture)).save(data, kind, quality=80)
-    return f"data:image/{kind.lower()};base64,{base64.b64encode(data.getvalue()).decode('ascii')}"
-
-
 def _page(title: str, entries: Sequence[_Entry]) -> str:
     samples = [entry.sample for entry in entries]
     worst_first = sorted(entries, key=lambda entry: entry.sample.iv_psnr)
     sequences = dict.fromkeys(entry.sample.case.sequence for entry in worst_first)
     sheets = (_sheet(name, [e for e in worst_first if e.sample.case.sequence == name]) for name in sequences)
-    return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>{escape(title)}</title><style>{STYLE}</style></head><body>
-<h1>{escape(title)}</h1>
-{_table(*summary_table(samples))}
+    body = f"""{table(*summary_table(samples))}
 <p>{MEANING}</p>
 {"".join(sheets)}
 <h2>All pictures</h2>
-{_all(worst_first)}
-</body></html>
-"""
+{_all(worst_first)}"""
+    return page(title, body)
 
 
 def _sheet(name: str, entries: Sequence[_Entry]) -> str:
@@ -220,16 +192,10 @@ def _label(sample: Sample) -> str:
 
 def _all(entries: Sequence[_Entry]) -> str:
     rows = [entry.sample.row() for entry in entries]
-    return _table(list(rows[0]), [[_plain(value) for value in row.values()] for row in rows])
+    return table(list(rows[0]), [[_plain(value) for value in row.values()] for row in rows])
 
 
 def _plain(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.4f}"
     return "" if value is None else str(value)
-
-
-def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f"<th>{escape(title)}</th>" for title in titles)
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>\n" for row in rows)
-    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>\n{body}</tbody></table></div>'
