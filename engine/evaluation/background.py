@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from ..io.recording import Recording
 from ..pipeline.engine import Engine
-from ..rig.texture import to_rgb
 from ..settings import Settings
+from .hole_tint import tinted
 from .metrics import erp_range, iv_psnr, psnr
 
 __all__ = ["MODES", "ModelSample", "compare_model", "hole_picture", "inside_rig", "summarise"]
@@ -122,7 +122,5 @@ def hole_picture(
     halves = []
     for viewer in (None, camera):  # only a named viewer has a backdrop
         picture = engine.render_camera(target, viewer)
-        rgb = to_rgb(picture.texture)
-        rgb[picture.holes()] = (150, 215, 255)
-        halves.append(rgb)
+        halves.append(tinted(picture))
     return np.concatenate(halves, axis=1)

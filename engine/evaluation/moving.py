@@ -22,13 +22,14 @@ from ..rig.frame import Frame, Texture
 from ..rig.texture import to_rgb
 from ..rig.viewer import RenderedPicture
 from ..settings import Settings
+from .exposed import ExposedTriangles
+from .hole_tint import tinted
 
 __all__ = ["Moment", "WalkSample", "is_walk", "moving_names", "play_rig", "play_walk", "side_by_side"]
 
 T = TypeVar("T")
 
 _PEAK = 1023.0
-_BLUE = (150, 215, 255)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,9 @@ class Moment:
     update_ms: wall time of the model's update. In the moving camera's turn, asked: pixels that its capture before does
     not show, of which rays tell whether they are farther than the PBS; added: triangles of those that are. culled:
     triangles that were culled; p_pbs: valid ones of the P-PBS. captures: those that are kept. holes: fractions of
-    pixels before filling, by virtual camera; empty in frames that are not sampled. pictures: the same.
+    pixels before filling, by virtual camera; empty in frames that are not sampled. pictures: the same. exposed:
+    triangles that the P-PBS with the moving camera would have if nothing had been culled from it. plain: the pictures
+    of the same drawn views without the model.
     """
 
     frame: int
@@ -50,6 +53,8 @@ class Moment:
     captures: int
     holes: dict[str, tuple[float, float]]
     pictures: dict[str, tuple[RenderedPicture, RenderedPicture]]
+    exposed: int
+    plain: dict[str, RenderedPicture]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +99,7 @@ def play_rig(
     settings = replace(settings, draw_moving=False)
     rig = [recording.camera(name) for name in names]
     engines = [Engine(each, settings, f_vin=recording.fps) for each in ([rig[k] for k in still], rig)]
+    exposed = ExposedTriangles()
     for frame in recording.frames(0, frames):
         sampled = frame.index % every == every - 1 or frame.index == frames - 1
         viewers = {camera.name: camera for camera in cameras} if sampled else {}
@@ -108,7 +114,8 @@ def play_rig(
             frame.index, _pair(report.stages["background"] for report in reports), asked, with_it.added, with_it.culled,
             _pair(engine.status()["background"]["p_pbs"] for engine in engines), len(engines[1].model.captures),
             {name: _pair(p.report.holes_backdrop for p in pictures) for name, pictures in shown.items()},
-            {name: _pair(pictures) for name, pictures in shown.items()},
+            {name: _pair(pictures) for name, pictures in shown.items()}, exposed.take(with_it),
+            {c.name: engines[1].render_camera(c) for c in cameras if sampled},  # nobody's PBI: no backdrop
         )  # fmt: skip
     for engine in engines:
         engine.close()
@@ -147,9 +154,7 @@ def side_by_side(pictures: Sequence[RenderedPicture | Texture]) -> npt.NDArray[n
         if isinstance(picture, Texture):
             parts.append(to_rgb(picture))
         else:
-            rgb = to_rgb(picture.texture)
-            rgb[picture.holes()] = _BLUE
-            parts.append(rgb)
+            parts.append(tinted(picture))
     return np.concatenate(parts, axis=1)
 
 
