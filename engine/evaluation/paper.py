@@ -16,7 +16,7 @@ from ..rig.viewer import RenderedPicture
 from ..settings import Settings
 from .metrics import erp_range, iv_psnr, psnr
 
-__all__ = ["PAPER_TWINS", "PaperRow", "compare_with_paper"]
+__all__ = ["PAPER_TWINS", "PaperRow", "compare_with_paper", "warm_up"]
 
 PAPER_TWINS = ("museum", "hijack", "painter", "frog")  # twins of the sequences in Table 1
 _MEANS = ("psnr_y", "iv_psnr", "holes_warped", "holes_backdrop", "drawn")  # over the judged frames
@@ -96,7 +96,7 @@ def compare_with_paper(
         f"{quality}, no model": Settings.preset(quality, background=False),
     }
     for own in settings.values():
-        _warm_up(recording, cameras[0], own)
+        warm_up(recording, cameras[0], own)
     runs = [_Run(mode, Engine(rig, own, f_vin=recording.fps)) for mode, own in settings.items()]
     count = min(frames, recording.frame_count)
     for frame in recording.frames(0, count):
@@ -114,7 +114,7 @@ def compare_with_paper(
     return sorted(rows, key=lambda row: list(cameras).index(row.camera))
 
 
-def _warm_up(recording: Recording, camera: str, settings: Settings) -> None:
+def warm_up(recording: Recording, camera: str, settings: Settings) -> None:
     """Compile or load the kernels of a run, with a few views: otherwise the first run's first frame would seem slow."""
     names = recording.source_names[:3]
     engine, target = Engine([recording.camera(name) for name in names], settings), recording.camera(camera)

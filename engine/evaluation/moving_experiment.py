@@ -1,0 +1,72 @@
+"""The paper's experiment with a moving reference camera (section 4.2): Fig. 12b and 13."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..io.recording import Recording
+from ..rig.frame import Texture
+from ..settings import Settings
+from .experiments import QUALITIES, farthest_camera
+from .moving import Moment, play_rig
+
+__all__ = ["MovingExperiment", "play_moving"]
+
+_FIRST = 5  # frames until the first picture: "just after the 4th and 249th frames" (Fig. 13)
+
+
+@dataclass(slots=True)
+class MovingExperiment:
+    """A rig with a moving camera, played without and with it in one quality. camera: the virtual camera of the
+    pictures; moments: all frames, with pictures of the first sampled frame and of the last; truths: of these frames."""
+
+    recording: str
+    quality: str
+    camera: str
+    moments: list[Moment] = field(default_factory=list)
+    truths: dict[int, Texture] = field(default_factory=dict)
+
+    def row(self) -> dict[str, float | int | str]:
+        """The figures of the run: holes are fractions of the pixels of the last frame's picture, without the model,
+        without the moving camera and with it; update_ms is a median without the first frame; triangles are those of
+        the last frame (`Moment`)."""
+        last = self.moments[-1]
+        updates = [moment.update_ms for moment in self.moments[1:] or self.moments]
+        without, with_it = np.median(updates, axis=0).tolist()
+        return {
+            "recording": self.recording, "quality": self.quality, "camera": self.camera, "frames": len(self.moments),
+            "holes_plain": float(last.plain[self.camera].holes().mean()),
+            "holes_fixed": last.holes[self.camera][0], "holes_moving": last.holes[self.camera][1],
+            "update_fixed_ms": without, "update_moving_ms": with_it,
+            "exposed": last.exposed, "p_pbs": last.p_pbs[1],
+        }  # fmt: skip
+
+
+def play_moving(
+    recording: Recording, cameras: Sequence[str], frames: int, qualities: Sequence[str] = QUALITIES,
+    progress: Callable[[], None] = lambda: None,
+) -> list[MovingExperiment]:  # fmt: skip
+    """Play `frames` frames of a rig with a moving camera once in each quality, with the paper's numbers of views.
+
+    Of the `cameras`, virtual ones with ground truth, the one farthest from the rig is rendered. `progress` is called
+    after each frame. Raises ValueError as `play_rig` does, and for no cameras.
+    """
+    shown, count = farthest_camera(recording, cameras), min(frames, recording.frame_count)
+    played = []
+    for quality in qualities:
+        experiment = MovingExperiment(recording.name, quality, shown)
+        # "two views were selected for rendering", "four fixed cameras for initially building the S-PBS", "one reference
+        # view was selected ... for the P-PBS update" (section 4.2)
+        settings = Settings.preset(quality, n_render=2, n_init=4, n_update=1)
+        for moment in play_rig(recording, [recording.camera(shown)], count, _FIRST, settings):
+            if moment.pictures and (not experiment.truths or moment.frame == count - 1):
+                experiment.truths[moment.frame] = recording.texture(shown, moment.frame)
+            else:
+                moment = replace(moment, pictures={}, plain={})
+            experiment.moments.append(moment)
+            progress()
+        played.append(experiment)
+    return played
