@@ -21,7 +21,7 @@ class Measure(NamedTuple):
 
 # Each is the function `command` of farside.clients.bench.<name>.
 MEASURES = {
-    "paper": Measure("Gain of the defaults over the published algorithm, on twins.", named=False),
+    "paper": Measure("Gain of the defaults over the published algorithm; its experiments repeated.", named=False),
     "accuracy": Measure("All quality figures over sequences and twins, with a report.", named=False),
     "trade": Measure("Cost and benefit of every setting over sequences and twins, with a report.", named=False),
     "tolerances": Measure("Automatic tolerances next to smaller and larger ones, on twins.", named=False),
