@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from farside.engine.evaluation.experiments import FixedExperiment
 from farside.engine.evaluation.moving_experiment import MovingExperiment
@@ -55,35 +55,35 @@ def _columns(experiment: FixedExperiment, quality: str) -> list[float]:
     return [value for row in rows for value in (row.warped_ms, row.filled_ms)]
 
 
-def moving_plots(experiments: Sequence[MovingExperiment]) -> Iterator[str]:
-    """Fig. 12b, the update time, and holes, of each run with a moving camera."""
-    for each in experiments:
-        frames, name = [moment.frame for moment in each.moments], f"{each.recording}, {each.quality}"
-        yield lines(
-            f"{name}: triangles", "frame", "triangles",
-            [
-                Series("newly exposed, accumulated", [moment.exposed for moment in each.moments], frames),
-                Series("P-PBS after culling", [moment.p_pbs[1] for moment in each.moments], frames),
-                Series("P-PBS, fixed cameras", [moment.p_pbs[0] for moment in each.moments], frames),
-            ],
-        )  # fmt: skip
-        later = each.moments[1:] or each.moments
-        yield lines(
-            f"{name}: update of the PBS", "frame", "ms",
-            [
-                Series(kind, [moment.update_ms[k] for moment in later], [moment.frame for moment in later])
-                for k, kind in ((1, "with the moving camera"), (0, "fixed cameras"))
-            ],
-            [_UPDATE],
-        )  # fmt: skip
-        sampled = [moment for moment in each.moments if moment.holes]
-        yield lines(
-            f"{name}: holes of {each.camera}", "frame", "% of pixels",
-            [
-                Series(
-                    kind, [100 * moment.holes[each.camera][k] for moment in sampled],
-                    [moment.frame for moment in sampled],
-                )
-                for k, kind in ((1, "with the moving camera"), (0, "fixed cameras"))
-            ],
-        )  # fmt: skip
+def moving_plots(experiment: MovingExperiment) -> Iterator[str]:
+    """Fig. 12b, the update time, and holes, of a run with a moving camera."""
+    moments, name = experiment.moments, f"{experiment.recording}, {experiment.quality}"
+    frames = [moment.frame for moment in moments]
+    yield lines(
+        f"{name}: triangles", "frame", "triangles",
+        [
+            Series("newly exposed, accumulated", [moment.exposed for moment in moments], frames),
+            Series("P-PBS after culling", [moment.p_pbs[1] for moment in moments], frames),
+            Series("P-PBS, fixed cameras", [moment.p_pbs[0] for moment in moments], frames),
+        ],
+    )  # fmt: skip
+    later = moments[1:] or moments
+    kinds = ((1, "with the moving camera"), (0, "fixed cameras"))
+    yield lines(
+        f"{name}: update of the PBS", "frame", "ms",
+        [
+            Series(kind, [moment.update_ms[k] for moment in later], [moment.frame for moment in later])
+            for k, kind in kinds
+        ],
+        [_UPDATE],
+    )  # fmt: skip
+    sampled, camera = [moment for moment in moments if moment.holes], experiment.camera
+    yield lines(
+        f"{name}: holes of {camera}", "frame", "% of pixels",
+        [
+            Series(
+                kind, [100 * moment.holes[camera][k] for moment in sampled], [moment.frame for moment in sampled]
+            )
+            for k, kind in kinds
+        ],
+    )  # fmt: skip

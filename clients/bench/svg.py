@@ -44,14 +44,15 @@ def lines(title: str, across: str, up: str, series: Sequence[Series], limits: Se
     if not all(map(math.isfinite, xs)):
         raise ValueError(f"{title}: {xs}: expected finite numbers")
     x_ticks = ticks(min(xs), max(xs))
+    ends = (min(xs), max(xs)) if max(xs) > min(xs) else (x_ticks[0], x_ticks[-1])
     parts = []
     for number, each in enumerate(series):
         points = " ".join(
-            f"{_x(x, x_ticks):.1f},{_y(y, y_ticks):.1f}" for x, y in zip(each.xs, each.ys, strict=True)
+            f"{_x(x, ends):.1f},{_y(y, y_ticks):.1f}" for x, y in zip(each.xs, each.ys, strict=True)
         )
         colour = COLOURS[number % len(COLOURS)]
         parts.append(f'<polyline fill="none" stroke="{colour}" stroke-width="1.8" points="{points}"/>')
-    parts += [_text(_x(x, x_ticks), TOP + UP + 16, _number(x), "middle") for x in x_ticks]
+    parts += [_text(_x(x, ends), TOP + UP + 16, _number(x), "middle") for x in x_ticks if ends[0] <= x <= ends[1]]
     return _plot(title, across, up, y_ticks, [each.name for each in series], limits, parts)
 
 
@@ -128,8 +129,8 @@ def _plot(
     )
 
 
-def _x(x: float, x_ticks: Sequence[float]) -> float:
-    return LEFT + ACROSS * (x - x_ticks[0]) / (x_ticks[-1] - x_ticks[0])
+def _x(x: float, ends: tuple[float, float]) -> float:
+    return LEFT + ACROSS * (x - ends[0]) / (ends[1] - ends[0])
 
 
 def _y(y: float, y_ticks: Sequence[float]) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..io.recording import Recording
 from ..rig.frame import Texture
+from ..rig.viewer import RenderedPicture
 from ..settings import Settings
 from .experiments import QUALITIES, farthest_camera
 from .moving import Moment, play_rig
@@ -21,25 +22,29 @@ _FIRST = 5  # frames until the first picture: "just after the 4th and 249th fram
 @dataclass(slots=True)
 class MovingExperiment:
     """A rig with a moving camera, played without and with it in one quality. camera: the virtual camera of the
-    pictures; moments: all frames, with pictures of the first sampled frame and of the last; truths: of these frames."""
+    pictures; moments: all frames, with pictures of the first sampled frame and of the last; truths: of these frames;
+    picture_ms: milliseconds of the pictures of sampled frames, without the moving camera and with it."""
 
     recording: str
     quality: str
     camera: str
     moments: list[Moment] = field(default_factory=list)
     truths: dict[int, Texture] = field(default_factory=dict)
+    picture_ms: list[tuple[float, float]] = field(default_factory=list)
 
     def row(self) -> dict[str, float | int | str]:
         """The figures of the run: holes are fractions of the pixels of the last frame's picture, without the model,
-        without the moving camera and with it; update_ms is a median without the first frame; triangles are those of
-        the last frame (`Moment`)."""
+        without the moving camera and with it; times are medians, update times without the first frame; triangles are
+        those of the last frame (`Moment`)."""
         last = self.moments[-1]
         updates = [moment.update_ms for moment in self.moments[1:] or self.moments]
         without, with_it = np.median(updates, axis=0).tolist()
+        shown_without, shown_with_it = np.median(self.picture_ms, axis=0).tolist()
         return {
             "recording": self.recording, "quality": self.quality, "camera": self.camera, "frames": len(self.moments),
             "holes_plain": float(last.plain[self.camera].holes().mean()),
             "holes_fixed": last.holes[self.camera][0], "holes_moving": last.holes[self.camera][1],
+            "picture_fixed_ms": shown_without, "picture_moving_ms": shown_with_it,
             "update_fixed_ms": without, "update_moving_ms": with_it,
             "exposed": last.exposed, "p_pbs": last.p_pbs[1],
         }  # fmt: skip
@@ -62,6 +67,8 @@ def play_moving(
         # view was selected ... for the P-PBS update" (section 4.2)
         settings = Settings.preset(quality, n_render=2, n_init=4, n_update=1)
         for moment in play_rig(recording, [recording.camera(shown)], count, _FIRST, settings):
+            for one, other in moment.pictures.values():
+                experiment.picture_ms.append((_milliseconds(one), _milliseconds(other)))
             if moment.pictures and (not experiment.truths or moment.frame == count - 1):
                 experiment.truths[moment.frame] = recording.texture(shown, moment.frame)
             else:
@@ -70,3 +77,7 @@ def play_moving(
             progress()
         played.append(experiment)
     return played
+
+
+def _milliseconds(picture: RenderedPicture) -> float:
+    return sum(picture.report.stages.values())

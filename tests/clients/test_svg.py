@@ -43,6 +43,14 @@ def test_points_are_at_their_numbers() -> None:
     assert {"a < b", "frame", "ms & more", "up", "flat", "limit", "0", "10"} <= set(texts(tree))
 
 
+def test_lines_reach_from_side_to_side() -> None:
+    tree = drawn(lines("title", "frame", "y", [Series("a", [1.0, 2.0], [0.0, 104.0])]))
+    ((start, _), (end, _)), *_ = points(tree)
+    assert (start, end) == (LEFT, LEFT + ACROSS)
+    assert {"0", "50", "100"} <= set(texts(tree))
+    assert "150" not in texts(tree)
+
+
 def test_bars_reach_up_to_their_numbers() -> None:
     tree = drawn(bars("title", "ms", ["A", "B"], [Series("one", [10.0, 5.0]), Series("two", [0.0, 2.5])]))
     boxes = [e for e in tree.iterfind(".//svg:rect", NAMES) if e.find("svg:title", NAMES) is not None]

@@ -202,7 +202,12 @@ def test_the_tables_show_the_figures(page: Page, figures: Any) -> None:
     for cells, row in zip(moving[1:], figures["moving"], strict=True):
         last = row["moments"][-1]
         assert cells[:4] == ["gymnasium-a", row["quality"], "6", "t1"]
-        assert [cells[9], cells[10]] == [f"{last['exposed']:,}", f"{last['p_pbs'][1]:,}"]
+        assert cells[11:] == [f"{last['exposed']:,}", f"{last['p_pbs'][1]:,}"]
+        times = ("picture_fixed_ms", "picture_moving_ms", "update_fixed_ms", "update_moving_ms")
+        assert cells[7:11] == [f"{row[name]:.1f}" for name in times]
+        updates = np.median([moment["update_ms"] for moment in row["moments"][1:]], axis=0)
+        assert [row[name] for name in times[2:]] == pytest.approx(list(updates))
+        assert min(row[name] for name in times) > 0
         holes = [float(cell.removesuffix(" %")) / 100 for cell in cells[5:7]]
         assert holes == pytest.approx(last["holes"]["t1"], abs=1e-5)
 
