@@ -133,7 +133,7 @@ def _print(title: str, titles: Sequence[str], rows: Sequence[Sequence[str]]) -> 
         table.add_column(name, justify="left" if number < 2 else "right", no_wrap=True)
     for number, row in enumerate(rows):
         table.add_row(*row, end_section=number + 1 == len(rows) or rows[number + 1][0] != row[0])
-    Console(width=150).print(table)
+    Console(width=180).print(table)
 
 
 def _table(rows: Sequence[PaperRow], title: str) -> Table:

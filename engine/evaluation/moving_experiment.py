@@ -13,6 +13,7 @@ from ..rig.viewer import RenderedPicture
 from ..settings import Settings
 from .experiments import QUALITIES, farthest_camera
 from .moving import Moment, play_rig
+from .paper import warm_up
 
 __all__ = ["MovingExperiment", "play_moving"]
 
@@ -66,6 +67,7 @@ def play_moving(
         # "two views were selected for rendering", "four fixed cameras for initially building the S-PBS", "one reference
         # view was selected ... for the P-PBS update" (section 4.2)
         settings = Settings.preset(quality, n_render=2, n_init=4, n_update=1)
+        warm_up(recording, shown, settings)
         for moment in play_rig(recording, [recording.camera(shown)], count, _FIRST, settings):
             for one, other in moment.pictures.values():
                 experiment.picture_ms.append((_milliseconds(one), _milliseconds(other)))
