@@ -99,7 +99,7 @@ def show_experiments(
             chosen = list(cameras or distant_cameras(recording))
             if moving_names(recording):
                 count = min(moving_frames, recording.frame_count)
-                task = bar.add_task(f"{recording.name}, section 4.2", total=count * len(qualities))
+                task = bar.add_task(f"{recording.name}, section 4.2", total=count)
                 moving = play_moving(recording, chosen, count, qualities, lambda t=task: bar.advance(t))  # type: ignore[misc]
                 report.moving += moving
                 _print(f"{recording.name}, section 4.2 of the paper", *moving_table(moving))

@@ -85,12 +85,14 @@ def is_walk(recording: Recording) -> bool:
 
 
 def play_rig(
-    recording: Recording, cameras: Sequence[Camera], frames: int, every: int, settings: Settings
-) -> Iterator[Moment]:
+    recording: Recording, cameras: Sequence[Camera], frames: int, every: int, settings: Settings,
+    read: Iterable[Frame] | None = None,
+) -> Iterator[Moment]:  # fmt: skip
     """Play `frames` frames of a rig with moving cameras, without and with them, side by side; yields each frame.
 
     Every `every`-th frame, from frame every - 1 on, and the last are sampled: rendered for `cameras`. The views of
-    moving cameras are not drawn. Raises ValueError for a rig without a moving camera, or without a fixed one.
+    moving cameras are not drawn. read: the frames, if they are read elsewhere. Raises ValueError for a rig without a
+    moving camera, or without a fixed one.
     """
     moving, names = moving_names(recording), recording.source_names
     still = [k for k, name in enumerate(names) if name not in moving]
@@ -100,7 +102,7 @@ def play_rig(
     rig = [recording.camera(name) for name in names]
     engines = [Engine(each, settings, f_vin=recording.fps) for each in ([rig[k] for k in still], rig)]
     exposed = ExposedTriangles()
-    for frame in recording.frames(0, frames):
+    for frame in recording.frames(0, frames) if read is None else read:
         sampled = frame.index % every == every - 1 or frame.index == frames - 1
         viewers = {camera.name: camera for camera in cameras} if sampled else {}
         fixed = Frame(frame.index, tuple(frame.views[k] for k in still))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,6 +34,16 @@ class MovingExperiment:
     truths: dict[int, Texture] = field(default_factory=dict)
     picture_ms: list[tuple[float, float]] = field(default_factory=list)
 
+    def note(self, moment: Moment, truth: Texture | None) -> None:
+        """Adds the next frame. truth: that of its pictures; None: its pictures are not kept."""
+        for one, other in moment.pictures.values():
+            self.picture_ms.append((_milliseconds(one), _milliseconds(other)))
+        if truth is None:
+            moment = replace(moment, pictures={}, plain={})
+        else:
+            self.truths[moment.frame] = truth
+        self.moments.append(moment)
+
     def row(self) -> dict[str, float | int | str]:
         """The figures of the run: holes are fractions of the pixels of the last frame's picture, without the model,
         without the moving camera and with it; times are medians, update times without the first frame; triangles are
@@ -55,29 +66,28 @@ def play_moving(
     recording: Recording, cameras: Sequence[str], frames: int, qualities: Sequence[str] = QUALITIES,
     progress: Callable[[], None] = lambda: None,
 ) -> list[MovingExperiment]:  # fmt: skip
-    """Play `frames` frames of a rig with a moving camera once in each quality, with the paper's numbers of views.
+    """Play `frames` frames of a rig with a moving camera in all qualities side by side, with the paper's numbers of
+    views.
 
     Of the `cameras`, virtual ones with ground truth, the one farthest from the rig is rendered. `progress` is called
     after each frame. Raises ValueError as `play_rig` does, and for no cameras.
     """
     shown, count = farthest_camera(recording, cameras), min(frames, recording.frame_count)
-    played = []
-    for quality in qualities:
-        experiment = MovingExperiment(recording.name, quality, shown)
+    camera, played, runs = recording.camera(shown), list[MovingExperiment](), list[Iterator[Moment]]()
+    copies = itertools.tee(recording.frames(0, count), len(qualities))
+    for quality, read in zip(qualities, copies, strict=True):
         # "two views were selected for rendering", "four fixed cameras for initially building the S-PBS", "one reference
         # view was selected ... for the P-PBS update" (section 4.2)
         settings = Settings.preset(quality, n_render=2, n_init=4, n_update=1)
         warm_up(recording, shown, settings)
-        for moment in play_rig(recording, [recording.camera(shown)], count, _FIRST, settings):
-            for one, other in moment.pictures.values():
-                experiment.picture_ms.append((_milliseconds(one), _milliseconds(other)))
-            if moment.pictures and (not experiment.truths or moment.frame == count - 1):
-                experiment.truths[moment.frame] = recording.texture(shown, moment.frame)
-            else:
-                moment = replace(moment, pictures={}, plain={})
-            experiment.moments.append(moment)
-            progress()
-        played.append(experiment)
+        played.append(MovingExperiment(recording.name, quality, shown))
+        runs.append(play_rig(recording, [camera], count, _FIRST, settings, read))
+    for moments in zip(*runs, strict=True):
+        pictured = bool(moments[0].pictures) and (not played[0].truths or moments[0].frame == count - 1)
+        truth = recording.texture(shown, moments[0].frame) if pictured else None
+        for experiment, moment in zip(played, moments, strict=True):
+            experiment.note(moment, truth)
+        progress()
     return played
 
 
