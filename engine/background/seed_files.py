@@ -22,7 +22,7 @@ from .seed import Seed, SeedPart
 from .state import SurfaceState
 from .textured_mesh import within_pixels
 
-__all__ = ["read_seed", "seed_of"]
+__all__ = ["read_seed", "seed_of", "seed_of_parts"]
 
 _SIDE = 4096  # of an atlas, pixels; larger pictures are reduced
 _MARGIN, _BEFORE = 256, 8  # pixels by which a picture that repeats is continued, behind and before
@@ -40,12 +40,18 @@ def read_seed(path: Path) -> Seed:
     else:
         parts = read_glb(path)
         try:
-            seed = Seed((*_textured(parts), *_painted([part for part in parts if part.picture is None])))
+            seed = seed_of_parts(parts)
         except (OSError, ValueError) as error:  # a picture is damaged, or too large
             raise ValueError(f"{path}: {error}") from error
     if not seed.parts:
         raise ValueError(f"{path}: triangles: none: expected some")
     return seed
+
+
+def seed_of_parts(parts: Sequence[GlbPart]) -> Seed:
+    """The parts of a GLB file with their colours in atlases; OSError or ValueError for a picture that is damaged or too
+    large."""
+    return Seed((*_textured(parts), *_painted([part for part in parts if part.picture is None])))
 
 
 def seed_of(saved: SavedModel) -> Seed:

@@ -6,6 +6,7 @@ larger than the file says and has room for.
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -30,11 +31,12 @@ _KNOWN = ("KHR_mesh_quantization", "KHR_texture_transform", "EXT_texture_webp")
 
 
 class GlbFile:
-    """A GLB file in memory: `whole` is its description, checked field by field as it is read."""
+    """A GLB file in memory, read from a path or given as bytes: `whole` is its description, checked field by field as
+    it is read."""
 
-    def __init__(self, path: Path) -> None:
-        with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
+    def __init__(self, given: Path | bytes) -> None:
+        with io.BytesIO(given) if isinstance(given, bytes) else given.open("rb") as file:
+            size = len(given) if isinstance(given, bytes) else os.fstat(file.fileno()).st_size
             start = file.read(_HEADER.size)
             if start[:4] != b"glTF":
                 raise ValueError(f"first bytes: {start[:4]!r}: expected {b'glTF'!r}, a GLB file, or a saved model")

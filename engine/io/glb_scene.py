@@ -47,17 +47,20 @@ class GlbPart:
     repeats: tuple[str, str] = ("clamp", "clamp")
 
 
-def read_glb(path: Path, *, pictures: bool = True) -> list[GlbPart]:
-    """The parts of the file's scene that have triangles. `pictures` False: only their heads are read, for a check.
+def read_glb(
+    given: Path | bytes, *, pictures: bool = True, most: tuple[int, int] | None = None
+) -> list[GlbPart]:
+    """The parts of a file's scene that have triangles. given: where it is, or its bytes. `pictures` False: only their
+    heads are read, for a check. most: triangles and vertices; None: MOST_TRIANGLES and MOST_VERTICES.
 
     Raises OSError, and ValueError, which names the file, the field, its value and what was expected, for what is not a
     GLB file, is cut short, refers to other files, has positions that are not finite, indices beyond them, no triangles,
-    or more than MOST_TRIANGLES or MOST_VERTICES.
+    or more than `most` of them.
     """
     try:
-        file = GlbFile(path)
+        file = GlbFile(given)
         instances = list(_instances(file))
-        _check_size(file, instances)
+        _check_size(file, instances, *(most or (MOST_TRIANGLES, MOST_VERTICES)))
         parts = [part for mesh, matrix in instances for part in _parts(file, mesh, matrix)]
         if not parts:
             raise ValueError("scene: no triangles: expected some")
@@ -65,7 +68,7 @@ def read_glb(path: Path, *, pictures: bool = True) -> list[GlbPart]:
             if part.picture is not None:
                 open_picture(part.picture)
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
+        raise ValueError(f"{'mesh' if isinstance(given, bytes) else given}: {error}") from error
     return parts
 
 
@@ -137,7 +140,9 @@ def _primitives(file: GlbFile, mesh: int) -> Iterator[tuple[str, Mapping[str, An
                 yield name, primitive, attributes
 
 
-def _check_size(file: GlbFile, instances: list[tuple[int, npt.NDArray[np.float64]]]) -> None:
+def _check_size(
+    file: GlbFile, instances: list[tuple[int, npt.NDArray[np.float64]]], most_triangles: int, most_vertices: int
+) -> None:
     """The whole size, before anything is made: many nodes may show one mesh."""
     vertices = corners = 0
     for mesh, _ in instances:
@@ -145,9 +150,9 @@ def _check_size(file: GlbFile, instances: list[tuple[int, npt.NDArray[np.float64
             count = file.count(attributes["POSITION"], f"{name}.POSITION")
             vertices += count
             corners += file.count(primitive["indices"], f"{name}.indices") if "indices" in primitive else count
-            if vertices > MOST_VERTICES or corners > 3 * MOST_TRIANGLES:
+            if vertices > most_vertices or corners > 3 * most_triangles:
                 size = f"{vertices} vertices and {corners // 3} triangles"
-                raise ValueError(f"scene: {size} or more: expected at most {MOST_VERTICES} and {MOST_TRIANGLES}")
+                raise ValueError(f"scene: {size} or more: expected at most {most_vertices} and {most_triangles}")
 
 
 def _parts(file: GlbFile, mesh: int, matrix: npt.NDArray[np.float64]) -> Iterator[GlbPart]:

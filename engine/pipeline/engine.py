@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import threading
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,15 +11,19 @@ from ..background.model import BackgroundModel
 from ..background.saved_model import SavedModel
 from ..background.seed import Seed
 from ..io.coloured_meshes import ColouredMesh, TexturedMesh
+from ..io.effect_files import EffectContent
 from ..io.mesh_files import colours_of, to_file
 from ..rendering.cpu_renderer import CpuRenderer
 from ..rendering.renderer import Renderer
 from ..rig.camera import Camera
+from ..rig.effects import Effect
 from ..rig.frame import Frame
 from ..rig.viewer import EncodedPair, RenderedPicture, StereoPicture, StereoView
 from ..settings import Settings
 from ..support.array_types import F64
+from ..support.stages import timed
 from .back_end import BackEnd, BackEndReport
+from .effects import SceneEffects
 from .front_buffer import DoubleBuffer, FrontBuffer
 from .front_end import render_camera, render_encoded, render_pair
 from .viewpoint import Look, Viewer
@@ -51,6 +57,8 @@ class Engine:
         self._renderer = renderer or CpuRenderer()
         self._back_end = BackEnd(self.cameras, self._renderer, f_vin, modelling, seed)
         self._buffers = DoubleBuffer(settings or Settings())
+        self._effects = SceneEffects([camera.name for camera in self.cameras])
+        self._modelling = threading.Lock()  # the model changes, or a shadow map of it is rendered
         if saved is not None:
             self._back_end.resume(saved, self.settings)
 
@@ -118,10 +126,37 @@ class Engine:
         rig.
         """
         look = viewers if callable(viewers) else lambda: viewers or {}
-        back, report = self._back_end.update(frame, look, speeds or {}, self.settings)
-        if back is not None:
-            self._buffers.swap(back)
+        with self._modelling:
+            back, report = self._back_end.update(frame, look, speeds or {}, self.settings)
+            if back is not None:
+                if self._effects:
+                    with timed(report.stages, "effects"):
+                        back = dataclasses.replace(back, effects=self._effects.follow(self.model, back.content))
+                self._buffers.swap(back)
         return report
+
+    def put_effect(self, name: str, effect: Effect, content: EffectContent | None = None) -> None:
+        """Add a 3D effect (`rig.effects`), or change the one of that name; the next picture shows it.
+
+        content: the picture of a projector, or the parts of a mesh (`io.effect_files`); None: it stays as it is, or
+        comes later. Any thread may call this; it waits while a frame is taken. A picture is thrown onto the background
+        model, so without one it is not seen. Raises ValueError, and changes nothing, for a camera that the rig does not
+        have, and for a mesh whose picture is damaged.
+        """
+        with self._modelling:
+            self._effects.put(name, effect, content)
+            self._show_effects()
+
+    def remove_effect(self, name: str) -> None:
+        """Remove a 3D effect, if it is there; any thread may call this."""
+        with self._modelling:
+            self._effects.remove(name)
+            self._show_effects()
+
+    def _show_effects(self) -> None:
+        if (front := self.front) is not None:
+            effects = self._effects.shown(self.model, front.content) if self._effects else None
+            self._buffers.show(effects)
 
     def render(self, view: StereoView, viewer: str | None = None) -> StereoPicture:
         """Render both eyes from the newest frame; `viewer`: the name of the viewer whose PBI is the backdrop.

@@ -6,6 +6,7 @@ import dataclasses
 import threading
 from dataclasses import dataclass
 
+from ..rendering.effects import Effects
 from ..rendering.renderer import FrameContent, PreparedFrame
 from ..settings import Settings
 from ..support.array_types import F64
@@ -19,7 +20,7 @@ class FrontBuffer:
 
     frame_index: of the video frame. content: its reference views, each viewer's PBI, and delta; prepared: the same,
     prepared by the renderer. tones float64 [n, 4, 4]: of the views (`background.exposure`); None: exposure is not
-    followed.
+    followed. effects: what pictures show besides the frame; None: nothing.
     """
 
     frame_index: int
@@ -27,6 +28,7 @@ class FrontBuffer:
     prepared: PreparedFrame
     tones: F64 | None
     settings: Settings
+    effects: Effects | None = None
 
 
 class DoubleBuffer:
@@ -57,6 +59,12 @@ class DoubleBuffer:
             self._settings = settings
             if self._front is not None:
                 self._front = dataclasses.replace(self._front, settings=settings)
+
+    def show(self, effects: Effects | None) -> None:
+        """Show other effects from the next picture on, until the next swap."""
+        with self._lock:
+            if self._front is not None:
+                self._front = dataclasses.replace(self._front, effects=effects)
 
     def swap(self, back: FrontBuffer) -> None:
         """Make the complete back buffer the front buffer, with the newest settings."""

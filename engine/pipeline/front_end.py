@@ -65,7 +65,7 @@ def render_camera(front: FrontBuffer, camera: Camera, viewer: str | None) -> Ren
 def _task(front: FrontBuffer, shown: Viewer, targets: tuple[Camera, ...], viewer: str | None) -> PictureTask:
     cameras = [prepared.view.camera for prepared in front.content.views]
     chosen = selected(shown, cameras, front.content.drawn, front.content.scene, front.settings)
-    return PictureTask(targets, viewer, tuple(chosen), _tones(front, shown), front.settings)
+    return PictureTask(targets, viewer, tuple(chosen), _tones(front, shown), front.settings, front.effects)
 
 
 def _tones(front: FrontBuffer, shown: Viewer) -> F64 | None:

@@ -8,11 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..geometry.prepared_view import PreparedView, ViewTable
+from ..kernels.base.tolerance import Delta
 from ..rig.camera import Camera
 from ..rig.viewer import PictureReport, RenderedPicture
 from ..support.stages import timed
 from .antialiasing import smooth_outlines
 from .canvas_pool import CanvasPool
+from .effects import Effects
 from .filling import fill, rise_per_pixel
 from .hole_settling import Settler
 from .renderer import FrameContent, PictureTask
@@ -76,6 +78,9 @@ class _Drawing:
             table = self._table()
             if table is not None:
                 self._shade(canvas, self._target, table)
+                if self._effects is not None and self._effects.meshes:  # they may stand before holes
+                    self._holes = canvas.holes()
+                    self.report.holes_backdrop = self._holes.fraction
         with timed(self.report.stages, "antialias"):
             if table is not None and self._settings.antialias == "samples":
                 self._smooth_silhouettes(canvas, table, canvases)
@@ -102,6 +107,16 @@ class _Drawing:
         """The disparity step at which the picture's surfaces are cut, 1/m."""
         return self._content.scene.triangulation(self._camera, self._settings).edge
 
+    @property
+    def _effects(self) -> Effects | None:
+        """What else the picture shows; nothing where no surface was drawn."""
+        return self._task.effects if self.report.holes_backdrop < 1 else None
+
+    @property
+    def _push(self) -> Delta | None:
+        """How far the backdrop is moved backwards: by delta (section 3.4.2), if there is one."""
+        return self._content.delta if self._settings.backdrop_m is None else (self._settings.backdrop_m, 0.0)
+
     def _table(self) -> ViewTable | None:
         """The sources of colours: the chosen views, then the PBI and all present views; None if there are none."""
         views, tones = list(self._chosen), list(self._task.chosen)
@@ -127,11 +142,9 @@ class _Drawing:
 
     def _draw_backdrop(self, canvas: Canvas, pbi: PreparedView, target: Target) -> int:
         """Lay the backdrop behind the chosen views; returns the number of triangles."""
-        delta = self._content.delta
-        if delta is None:
+        delta, push = self._content.delta, self._push
+        if delta is None or push is None:
             raise ValueError("delta: None: expected the background model's where there is a PBI")
-        # Section 3.4.2: moved backwards by delta.
-        push = delta if self._settings.backdrop_m is None else (self._settings.backdrop_m, 0.0)
         present = self._content.present if self._settings.ghost_test else None
         return canvas.draw_backdrop(
             pbi, present, self._task.chosen, target, self._near, push, delta,
@@ -141,6 +154,8 @@ class _Drawing:
     def _shade(self, canvas: Canvas, target: Target, table: ViewTable) -> None:
         s = self._settings
         canvas.shade(target, table, len(self._chosen), s.blend, cubic=s.cubic, prefilter=s.prefilter)
+        if self._effects is not None:
+            canvas.add_effects(self._effects, target, self._near, len(self._chosen), self._push or (0.0, 0.0))
 
     def _smooth_silhouettes(self, canvas: Canvas, table: ViewTable, canvases: CanvasPool) -> None:
         """Draw pixels at silhouettes again, at twice the size, and average."""

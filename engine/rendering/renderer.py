@@ -17,6 +17,7 @@ from ..rig.camera import Camera
 from ..rig.viewer import RenderedPicture
 from ..settings import Settings
 from ..support.array_types import F64
+from .effects import Effects
 
 __all__ = ["FrameContent", "PictureTask", "PreparedFrame", "Renderer"]
 
@@ -48,7 +49,8 @@ class PictureTask:
     targets: the virtual cameras, one or both eyes. viewer: the name of the viewer whose PBI becomes the backdrop and
     whose filled holes are kept steady; None: neither is done. chosen: indices of the reference views that are warped,
     the most useful first. tones float64 [n + 1, TONE_SIZE]: the packed tones that convert the colours of each reference
-    view, and last of the model, to the pictures' tone; None: no conversion.
+    view, and last of the model, to the pictures' tone; None: no conversion. effects: what the pictures show besides
+    the scene.
     """
 
     targets: tuple[Camera, ...]
@@ -56,6 +58,7 @@ class PictureTask:
     chosen: tuple[int, ...]
     tones: F64 | None
     settings: Settings
+    effects: Effects | None = None
 
 
 class PreparedFrame(Protocol):

@@ -13,14 +13,16 @@ from ..geometry.prepared_view import Part, PreparedView, ViewTable
 from ..kernels.base import view_table
 from ..kernels.base.tolerance import Delta
 from ..kernels.base.view_table import Views
-from ..kernels.rendering import antialias, shade
+from ..kernels.rendering import added_mesh, antialias, projector, shade
 from ..kernels.rendering import backdrop as backdrop_kernels
 from ..kernels.rendering import fill as fill_kernels
 from ..kernels.rendering import tiles as tile_kernels
+from ..kernels.rendering.projector import Eye
 from ..kernels.rendering.records import DepthBuffer, Planes
 from ..rig.frame import Texture
 from ..rig.texture import empty_texture
 from ..support.packed import POSITION_SLICE
+from .effects import Effects
 from .rasteriser import Rasteriser
 from .target import Target
 from .tiles import EVERYWHERE, HoleMap, Tiles, new_tiles
@@ -178,6 +180,17 @@ class Canvas:
             self.buffer, target.packed, Views(views.rows, views.addresses), Views(table, addresses), n_views, blend,
             cubic, self.planes,
         )  # fmt: skip
+
+    def add_effects(self, effects: Effects, target: Target, near: float, backdrop: int, push: Delta) -> None:
+        """Throw pictures onto the shaded background, then draw the added meshes.
+
+        backdrop: the number of the view that is the backdrop, which was moved away by `push`. `near`: as in `draw`.
+        """
+        eye = Eye(target.packed, target.radians_a_pixel, backdrop, push)
+        for thrown in effects.projectors:
+            projector.project(self.buffer, eye, thrown, self.planes)
+        for mesh in effects.meshes:
+            added_mesh.draw(mesh, target.packed, near, self.buffer, self.planes)
 
     def texture(self) -> Texture:
         """The picture as a new 10-bit 4:2:0 texture."""

@@ -207,6 +207,12 @@ def test_what_a_walking_camera_adds_stays_within_its_arrays(child):
     assert counts["mesh"] > 8 * 50
 
 
+def test_projected_pictures_and_added_meshes_stay_within_their_arrays(child):
+    counts = sweep(child, "effects", 24)
+    assert counts["added"] > 24 * 100
+    assert counts["changed"] > 24 * 200
+
+
 def test_absurd_cameras_and_heads_do_no_harm(child):
     assert sweep(child, "hostile", 16)["taken"] > 8
 
@@ -326,7 +332,8 @@ def test_every_file_of_kernels_that_takes_addresses_has_a_case():
 
 def test_cases_call_every_kernel_of_the_engine(child):
     """Every kernel that the engine's modules can call; runs last and counts the calls of the other tests."""
-    if not {"shading", "triangulating", "pictures", "pipeline", "uncovering", "walking"} <= set(child.called):
+    needed = {"shading", "triangulating", "pictures", "pipeline", "uncovering", "walking", "effects"}
+    if not needed <= set(child.called):
         pytest.skip("only where all cases have run")
     for name, cases in COVERED.items():
         for case in cases:

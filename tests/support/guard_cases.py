@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import dataclasses
 import faulthandler
+import io
 import json
 import math
 import os
@@ -30,8 +31,10 @@ from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.minification import level_for
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
+from farside.engine.io.glb_scene import GlbPart
 from farside.engine.io.images import decode_jpeg, encode_jpeg
 from farside.engine.kernels.base.tone import IDENTITY
+from farside.engine.kernels.rendering.added_mesh import ADDED
 from farside.engine.live import frame_memory
 from farside.engine.pipeline import engine as engine_module
 from farside.engine.rendering.antialiasing import smooth_outlines
@@ -40,10 +43,12 @@ from farside.engine.rendering.target import Target
 from farside.engine.rendering.warping import Canvas
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
+from farside.engine.rig.effects import AddedMesh, Projector
 from farside.engine.rig.frame import Frame, Texture, View
 from farside.engine.rig.texture import from_rgb, to_rgb, toned_texture
 from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
+from PIL import Image
 from support.guarded import guarded, guarding
 
 __all__ = ["CASES", "HANGS_S"]
@@ -438,6 +443,63 @@ def walking(rng: Rng, flush: str) -> Counts:
         engine.close()
 
 
+def any_effects(rng: Rng, engine: engine_module.Engine, flush: str, *, absurd: bool = False) -> None:
+    """Adds projectors of pictures of any size, of live video, and meshes with and without pictures, anywhere."""
+    for name in ("picture", "live"):
+        pose = any_pose(rng, 1.0)
+        pose = absurd_pose(rng, pose) if absurd else pose
+        fov, strength = float(rng.choice([1e-3, 0.8, 1.5, 2.9])), float(rng.uniform(0, 1))
+        blend, camera = str(rng.choice(["mix", "add"])), engine.cameras[0].name if name == "live" else ""
+        w, h = int(rng.choice([1, 2, 5, 40, 65])), int(rng.choice([1, 3, 8, 33]))
+        rgba = guarded(rng.integers(0, 256, (h, w, 4)).astype(np.uint8), flush)
+        engine.put_effect(name, Projector(pose, fov, strength, blend, camera), None if camera else rgba)
+    for name, size in (("near", 0.5), ("around", 4.0)):
+        points = rng.normal(size=(30, 3)) * size
+        points[rng.integers(30)] = rng.choice([0.0, 1e30, 1e200]) if absurd else 0.0
+        triangles = rng.integers(0, 30, (40, 3)).astype(np.int32)
+        colours = rng.random((30, 3)).astype(np.float32)
+        part = GlbPart(points, triangles, colours)
+        if rng.integers(2):
+            uv, picture = rng.uniform(-0.5, 1.5, (30, 2)).astype(np.float32), any_png(rng)
+            part = GlbPart(points, triangles, np.ones((1, 3), np.float32), uv, picture, ("repeat", "clamp"))
+        pose = absurd_pose(rng, any_pose(rng, 1.0)) if absurd else any_pose(rng, 1.0)
+        engine.put_effect(name, AddedMesh(pose, float(rng.uniform(0.1, 2))), [part])
+
+
+def any_png(rng: Rng) -> bytes:
+    file = io.BytesIO()
+    pixels = rng.integers(0, 256, (int(rng.integers(1, 20)), int(rng.integers(1, 20)), 3)).astype(np.uint8)
+    Image.fromarray(pixels).save(file, "PNG")
+    return file.getvalue()
+
+
+def effects(rng: Rng, flush: str) -> Counts:
+    """Projectors and added meshes in all kinds of pictures; where they are absurd, they may be refused."""
+    cameras = any_rig(rng)
+    absurd = rng.random() < 0.3
+    engine = engine_module.Engine(cameras, any_settings(rng))
+    try:
+        any_effects(rng, engine, flush, absurd=absurd)
+        video = frames(rng, cameras, flush, 3)
+        if not any((view.codes >= view.camera.depth.min_code).any() for view in video[0].views):
+            return {}
+        play(rng, engine, video)
+        any_effects(rng, engine, flush, absurd=absurd)
+        head = any_head(rng)
+        with_them = engine.render(head, "head")
+        for name in ("picture", "live", "near", "around"):
+            engine.remove_effect(name)
+        pairs = zip((with_them.left, with_them.right), (engine.render(head, "head").left,) * 2, strict=True)
+        thrown = sum(int((a.texture.y != b.texture.y).sum()) for a, b in pairs)
+        return {"added": int((with_them.left.winner == ADDED).sum()), "changed": thrown}
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError, EmbreeError):
+        if not absurd:
+            raise
+        return {"refused": 1}
+    finally:
+        engine.close()
+
+
 def hostile(rng: Rng, flush: str) -> Counts:
     """Like `pipeline`, with absurd numbers that may come from outside: it may refuse them, but not fault or hang."""
     cameras = any_rig(rng)
@@ -558,8 +620,8 @@ def hanging(rng: Rng, flush: str) -> Counts:
 
 
 _CASES = (
-    shading, triangulating, pictures, pipeline, uncovering, walking, hostile, far_triangles, at_the_eye, no_colours,
-    lost_points, beyond, hanging,
+    shading, triangulating, pictures, pipeline, uncovering, walking, effects, hostile, far_triangles, at_the_eye,
+    no_colours, lost_points, beyond, hanging,
 )  # fmt: skip
 CASES: Mapping[str, Callable[[Rng, str], Counts]] = {case.__name__: case for case in _CASES}
 

@@ -28,9 +28,12 @@ from farside.engine.kernels.base.sight import looks_through, shows
 from farside.engine.kernels.evaluation.depth_noise import perturb_codes
 from farside.engine.kernels.evaluation.metrics import match_errors, similarity_rows
 from farside.engine.kernels.evaluation.silhouettes import FINE, silhouette_offsets, thin_structures
+from farside.engine.kernels.rendering.added_mesh import ADDED, ColouredTriangles
+from farside.engine.kernels.rendering.projector import ProjectedPicture
 from farside.engine.kernels.synth import patterns
 from farside.engine.kernels.synth.trace import SceneArrays, TracedPicture, trace_picture
 from farside.engine.rendering.antialiasing import smooth_outlines
+from farside.engine.rendering.effects import Effects, levels_of_texture
 from farside.engine.rendering.filling import fill
 from farside.engine.rendering.target import Target
 from farside.engine.rendering.warping import Canvas
@@ -205,6 +208,37 @@ def colours() -> Iterator[tuple[str, np.ndarray]]:
     yield "jpeg", np.frombuffer(encode_jpeg(texture), np.uint8)
 
 
+def effects() -> Iterator[tuple[str, np.ndarray]]:
+    """A picture thrown onto a surface, and a triangle before it; perspective and spherical."""
+    for projection in (FLAT, ROUND):
+        name, seen = type(projection).__name__, view(projection, 0.0)
+        target = Target(seen.camera, ORIGIN)
+        shown = levels_of_texture(view(FLAT, 0.0, 7).texture)
+        light = Camera("light", FLAT, Pose((0.0, 0.3, 0.1)), CODING)
+        codes = view(FLAT, 0.3, 8).codes
+        thrown = ProjectedPicture(
+            shown.texels, shown.levels, light.packed(ORIGIN), codes, CODING.offset, CODING.step, (0.3, 0.05), 0.6, False
+        )
+        corners = np.array([(2.0, 0.6, 0.3), (2.0, -0.4, 0.5), (3.5, -0.2, -0.5), (-1.0, 0.5, 0.1)])
+        texture = view(FLAT, 0.0, 9).texture
+        uv = np.array([(3.0, 3.0), (60.0, 4.0), (30.0, 38.0), (0.0, 0.0)], np.float32)
+        mesh = ColouredTriangles(
+            corners, np.array([(0, 1, 2), (0, 2, 3)], np.int32), uv, texture.y, texture.cb, texture.cr
+        )
+        canvas = Canvas(projection.width, projection.height)
+        canvas.clear()
+        canvas.grey()
+        depth = CODING.depth(seen.codes)
+        canvas.disparity[...] = np.where(np.isfinite(depth), 1.0 / depth, 0.0)
+        canvas.winner[::2] = 1
+        canvas.add_effects(Effects((thrown,), (mesh,)), target, 0.05, 1, (0.02, 0.001))
+        for plane, label in zip(canvas.planes, canvas.planes._fields, strict=True):
+            yield f"{name} {label}", plane.copy()
+        yield f"{name} winner", canvas.winner.copy()
+        assert (canvas.winner == ADDED).any()
+        assert (canvas.planes.luma[canvas.winner != ADDED] != 512.0).any()
+
+
 def points() -> Iterator[tuple[str, np.ndarray]]:
     """Pixels projected into another camera, and tests of points against views."""
     first, second = (view(projection, 0.2 * k, k) for k, projection in enumerate((FLAT, ROUND)))
@@ -247,7 +281,7 @@ def measures() -> Iterator[tuple[str, np.ndarray]]:
 
 
 CASES: tuple[Callable[[], Iterator[tuple[str, np.ndarray]]], ...] = (
-    solids, meshes, completed, pictures, halves, colours, points, measures, *uncompiled_background.CASES,
+    solids, meshes, completed, pictures, halves, colours, effects, points, measures, *uncompiled_background.CASES,
 )  # fmt: skip
 
 

@@ -1,0 +1,239 @@
+"""Projectors: a picture is thrown onto the surfaces of the background (projective textures, Segal et al. 1992).
+
+A pixel of the eye has a depth, so it has a point in space. If that point lies in the projector's picture, and within
+delta of the background that the projector sees there (a shadow map, Williams 1978), the pixel takes the picture's
+colour. Nearer points are live foreground, farther ones lie in the shadow of the background; both stay as they are. The
+comparison is made with the four texels of the shadow map around the point, which softens the edges of shadows
+(percentage-closer filtering, Reeves et al. 1987).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from ...support.array_types import F32, F64, I64, U8, U16
+from ...support.packed import (
+    CX,
+    CY,
+    FORWARD_X,
+    FX,
+    FY,
+    KIND,
+    PERSPECTIVE,
+    PHI_MAX,
+    POSITION_X,
+    RADIANS_A_COLUMN,
+    RADIANS_A_ROW,
+    THETA_MAX,
+)
+from ..base.jit import inlined, parallel, serial
+from ..base.tolerance import Delta, delta_at
+from ..base.tone import LARGEST
+from .colour import BLACK, GREY
+from .records import DepthBuffer, Planes
+
+__all__ = [
+    "FIRST",
+    "OPAQUE",
+    "PIXELS_HIGH",
+    "PIXELS_WIDE",
+    "Eye",
+    "ProjectedPicture",
+    "halve",
+    "project",
+    "take_planes",
+]
+
+OPAQUE = 1023  # alpha of a texel that hides what is behind it
+FIRST, PIXELS_WIDE, PIXELS_HIGH = 0, 1, 2  # of a level: its first texel, its size
+_COARSER = 1.5  # a level is used as long as a pixel of the eye covers at most this many of its texels
+_LEAST = 1e-12
+
+
+class ProjectedPicture(NamedTuple):
+    """A projector and its picture."""
+
+    texels: U16  # [n, 4] of all levels: Y', Cb and Cr in 10-bit codes, multiplied with alpha / OPAQUE, and alpha
+    levels: I64  # [levels, 3]: FIRST, PIXELS_WIDE, PIXELS_HIGH; each has half the size of the one before
+    camera: F64  # packed: a perspective camera with the pixels of the first level
+    codes: U16  # [h, w]: its shadow map, the background as it sees it; 0: none
+    offset: float  # of the codes, 1/m: disparity is offset + step * code
+    step: float
+    delta: Delta  # how far from the background a surface still counts as the background
+    strength: float
+    adds: bool
+
+
+class Eye(NamedTuple):
+    """The virtual camera on whose picture is projected."""
+
+    camera: F64  # packed
+    radians_a_pixel: float
+    backdrop: int  # the winner's number of pixels of the backdrop
+    push: Delta  # how far they were moved away
+
+
+@parallel
+def take_planes(y: U16, cb: U16, cr: U16, texels: U16) -> None:
+    """texels [h w or more, 4]: an opaque picture of 4:2:0 planes as the first level."""
+    h, w = y.shape
+    for row in numba.prange(h):
+        v = np.int64(row)
+        for x in range(w):
+            at = v * w + x
+            texels[at, 0], texels[at, 3] = y[v, x], OPAQUE
+            texels[at, 1], texels[at, 2] = cb[v >> 1, x >> 1], cr[v >> 1, x >> 1]
+
+
+@parallel
+def halve(texels: U16, fine: I64, coarse: I64) -> None:
+    """Fill a level with the means of 2 x 2 texels of the level before; the last row and column are repeated."""
+    w, h = fine[PIXELS_WIDE], fine[PIXELS_HIGH]
+    for row in numba.prange(coarse[PIXELS_HIGH]):
+        v = np.int64(row)
+        above = fine[FIRST] + min(2 * v, h - 1) * w
+        below = fine[FIRST] + min(2 * v + 1, h - 1) * w
+        for x in range(coarse[PIXELS_WIDE]):
+            left, right = min(2 * x, w - 1), min(2 * x + 1, w - 1)
+            for k in range(4):
+                total = np.int64(texels[above + left, k]) + np.int64(texels[above + right, k])
+                total += np.int64(texels[below + left, k]) + np.int64(texels[below + right, k])
+                texels[coarse[FIRST] + v * coarse[PIXELS_WIDE] + x, k] = (total + 2) >> 2
+
+
+@inlined
+def _unpushed(q: float, push: Delta) -> float:
+    """The disparity of a surface of the backdrop before it was moved away to `q` (`backdrop._push_away`)."""
+    by_length = q / max(1.0 - push[0] * q, _LEAST)
+    by_disparity = 0.5 * (q + math.sqrt(q * q + 4.0 * push[1] * q))
+    return max(by_length, by_disparity)
+
+
+@serial
+def _relative(eye: F64, projector: F64) -> F64:
+    """[3, 4]: the projector's axes (forward, left, up) from the eye's, the shift in the last column."""
+    out = np.zeros((3, 4))
+    for i in range(3):
+        for k in range(3):
+            across = projector[FORWARD_X + 3 * k + i]
+            for j in range(3):
+                out[i, j] += across * eye[FORWARD_X + 3 * k + j]
+            out[i, 3] += across * (eye[POSITION_X + k] - projector[POSITION_X + k])
+    return out
+
+
+@serial
+def _direction(camera: F64, x: int, y: int) -> tuple[float, float, float]:
+    """The direction of a pixel with depth 1, in the camera's axes."""
+    if camera[KIND] == PERSPECTIVE:
+        return 1.0, (camera[CX] - (x + 0.5)) / camera[FX], (camera[CY] - (y + 0.5)) / camera[FY]
+    phi = camera[PHI_MAX] - (x + 0.5) * camera[RADIANS_A_COLUMN]
+    theta = camera[THETA_MAX] - (y + 0.5) * camera[RADIANS_A_ROW]
+    return math.cos(theta) * math.cos(phi), math.cos(theta) * math.sin(phi), math.sin(theta)
+
+
+@serial
+def _lit(thrown: ProjectedPicture, u: float, v: float, depth: float) -> float:
+    """The share of the background around a point of the projector's picture, 0 to 1, that is at the point's depth.
+
+    u, v: the point's place in the picture, as shares of its width and height.
+    """
+    h, w = thrown.codes.shape
+    x, y = u * w - 0.5, v * h - 0.5
+    left, top = math.floor(x), math.floor(y)
+    fx, fy, share = x - left, y - top, 0.0
+    for k in range(4):
+        i, j = min(max(left + (k & 1), 0), w - 1), min(max(top + (k >> 1), 0), h - 1)
+        code = thrown.codes[j, i]
+        behind = 1.0 / (thrown.offset + thrown.step * code)
+        if code > 0 and abs(depth - behind) <= delta_at(thrown.delta, behind):
+            share += (fx if k & 1 else 1.0 - fx) * (fy if k >> 1 else 1.0 - fy)
+    return share
+
+
+@serial
+def _sample(thrown: ProjectedPicture, level: int, u: float, v: float) -> tuple[float, float, float, float]:
+    """The picture's colour, multiplied with alpha, and alpha from 0 to 1, bilinear. It is transparent beyond its
+    border. u, v: shares of its width and height."""
+    w, h = thrown.levels[level, PIXELS_WIDE], thrown.levels[level, PIXELS_HIGH]
+    x, y = u * w - 0.5, v * h - 0.5
+    left, top = math.floor(x), math.floor(y)
+    fx, fy = x - left, y - top
+    luma, cb, cr, alpha = 0.0, 0.0, 0.0, 0.0
+    for k in range(4):
+        i, j = left + (k & 1), top + (k >> 1)
+        if 0 <= i < w and 0 <= j < h:
+            at = thrown.levels[level, FIRST] + j * w + i
+            weight = (fx if k & 1 else 1.0 - fx) * (fy if k >> 1 else 1.0 - fy)
+            luma += weight * thrown.texels[at, 0]
+            cb += weight * thrown.texels[at, 1]
+            cr += weight * thrown.texels[at, 2]
+            alpha += weight * thrown.texels[at, 3]
+    return luma, cb, cr, alpha / OPAQUE
+
+
+@inlined
+def _blended(under: float, over: float, alpha: float, zero: float, share: float, adds: bool) -> float:
+    """A code of the background and one of the picture, which is multiplied with alpha; zero: the code of no light."""
+    if adds:
+        code = under + share * (over - alpha * zero)
+    else:
+        code = under + share * (over - alpha * under)
+    return min(max(code, 0.0), LARGEST)
+
+
+@serial
+def _paint(
+    thrown: ProjectedPicture, u: float, v: float, texels: float, share: float, planes: Planes, y: int, x: int
+) -> None:
+    """Blend a share of the picture into a pixel, which covers `texels` texels of the first level across."""
+    level = 0
+    while texels > _COARSER and level < thrown.levels.shape[0] - 1:
+        texels *= 0.5
+        level += 1
+    luma, cb, cr, alpha = _sample(thrown, level, u, v)
+    planes.luma[y, x] = _blended(planes.luma[y, x], luma, alpha, BLACK, share, thrown.adds)
+    planes.chroma_b[y, x] = _blended(planes.chroma_b[y, x], cb, alpha, GREY, share, thrown.adds)
+    planes.chroma_r[y, x] = _blended(planes.chroma_r[y, x], cr, alpha, GREY, share, thrown.adds)
+
+
+@serial
+def _project_row(
+    y: int, drawn: F32, winner: U8, eye: Eye, thrown: ProjectedPicture, to_projector: F64, planes: Planes
+) -> None:
+    """Throw a picture onto row y of an eye; drawn, winner [w]: of its buffer."""
+    projector, m = thrown.camera, to_projector
+    wide, high = thrown.levels[0, PIXELS_WIDE], thrown.levels[0, PIXELS_HIGH]
+    for x in range(drawn.shape[0]):
+        q = np.float64(drawn[x])
+        if q <= 0.0:
+            continue
+        if winner[x] == eye.backdrop:
+            q = _unpushed(q, eye.push)
+        dx, dy, dz = _direction(eye.camera, x, y)
+        depth = (m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz) / q + m[0, 3]
+        if not depth > _LEAST:
+            continue
+        across = (m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz) / q + m[1, 3]
+        upward = (m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz) / q + m[2, 3]
+        u, v = projector[CX] - projector[FX] * across / depth, projector[CY] - projector[FY] * upward / depth
+        # Up to half a texel beyond the border, the picture still fades.
+        if not (-0.5 < u < wide + 0.5 and -0.5 < v < high + 0.5):
+            continue
+        share = thrown.strength * _lit(thrown, u / wide, v / high, depth)
+        if share > 0.0:
+            texels = eye.radians_a_pixel / q * projector[FX] / depth
+            _paint(thrown, u / wide, v / high, texels, share, planes, y, x)
+
+
+@parallel
+def project(buffer: DepthBuffer, eye: Eye, thrown: ProjectedPicture, planes: Planes) -> None:
+    """Throw a picture onto the drawn pixels of an eye that show the background; planes: their colours, in place."""
+    to_projector = _relative(eye.camera, thrown.camera)
+    for row in numba.prange(buffer.disparity.shape[0]):
+        y = np.int64(row)
+        _project_row(y, buffer.disparity[y], buffer.winner[y], eye, thrown, to_projector, planes)
