@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ from ..background.model import BackgroundModel
 from ..background.seed import Seed
 from ..background.seed_files import seed_of_parts
 from ..io.effect_files import EffectContent
+from ..kernels.background.uncovered import CELL
 from ..kernels.rendering.added_mesh import ColouredTriangles
 from ..kernels.rendering.projector import ProjectedPicture
 from ..rendering.effects import Effects, PictureLevels, levels_of_rgba, levels_of_texture
@@ -23,7 +25,8 @@ from ..support.array_types import F64
 
 __all__ = ["SceneEffects"]
 
-_MAP_PX = 1024  # the longer side of a shadow map
+_MAP_PX = 640  # the longer side of a shadow map
+_BANDS = 8  # parts of a shadow map, of which one follows the background in each frame
 _NEAR = 0.02  # share of the depth range's near end; nothing nearer to a projector has a shadow
 
 
@@ -119,14 +122,17 @@ class SceneEffects:
         self._held.pop(name, None)
 
     def follow(self, model: BackgroundModel | None, content: FrameContent) -> Effects:
-        """The effects for a new frame: pictures of live video are its views, and one of the shadow maps, in turn,
-        follows the background."""
+        """The effects for a new frame: pictures of live video are its views, and a part of one of the shadow maps, in
+        turn, follows the background."""
         projectors = [held for held in self._held.values() if isinstance(held, _Projector)]
         for held in projectors:
             self._look_at(held, content)
-        self._turn += 1
-        if projectors:
-            projectors[self._turn % len(projectors)].shadow_map = None
+        if projectors and model is not None:
+            self._turn += 1
+            band, number = divmod(self._turn, len(projectors))
+            held = projectors[number]
+            if held.shadow_map is not None:
+                held.shadow_map = _followed(held.shadow_map, band % _BANDS, model, content)
         return self.shown(model, content)
 
     def shown(self, model: BackgroundModel | None, content: FrameContent) -> Effects:
@@ -169,3 +175,16 @@ def _shadow_map(held: _Projector, model: BackgroundModel, content: FrameContent)
     """The background as the projector sees it: the nearest surfaces that stand, whatever the PBI shows."""
     near = _NEAR * content.scene.coding.near
     return model.render_pbi(held.map_camera(content), content.present, near=near).view
+
+
+def _followed(before: View, band: int, model: BackgroundModel, content: FrameContent) -> View:
+    """A shadow map with one of its bands of rows as the background is now."""
+    rows, columns = (math.ceil(size / CELL) for size in before.codes.shape)
+    first, last = band * rows // _BANDS, (band + 1) * rows // _BANDS
+    wanted = np.zeros((rows, columns), np.uint8)
+    wanted[first:last] = 1
+    near = _NEAR * content.scene.coding.near
+    now = model.render_pbi(before.camera, content.present, near=near, wanted=wanted).view
+    codes = before.codes.copy()
+    codes[first * CELL : last * CELL] = now.codes[first * CELL : last * CELL]
+    return View(before.camera, now.texture, codes)

@@ -48,7 +48,7 @@ def project(eye, planes, disparity, backdrop, push, projector, levels, shadow_ma
         for i, j, weight, _ in four((map_camera.width, map_camera.height), *map_camera.project(point)[0]):
             i, j = min(max(i, 0), map_camera.width - 1), min(max(j, 0), map_camera.height - 1)
             behind = depths[j, i]
-            if abs(depth - behind) <= max(delta[0], delta[1] * behind**2):
+            if abs(depth - behind) <= max(delta[0], delta[1] * depth**2):
                 lit += weight
         texels, level = radians / q * projector.projection.fx / depth, 0
         while texels > 1.5 and level < len(levels) - 1:

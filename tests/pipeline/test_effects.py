@@ -274,3 +274,16 @@ def test_effects_are_put_and_moved_while_frames_are_taken_and_pictures_drawn():
         thread.join()
     assert failures == []
     assert (eyes(engine)[0].winner == ADDED).any()
+
+
+def test_shadows_follow_the_background():
+    """A person is there from the start and hides the wall from the projector; they leave, and leave no shadow."""
+    cameras = camera_row(3, (160, 120))
+    engine = playing({"person_y": 0.9}, cameras=cameras)
+    engine.put_effect("white", shifted(WHOLE, 0.9), room.white())
+    (u, v), _ = eyes(engine)[0].camera.project((WALL_X, 0.7, 0.0))
+    here = int(v), int(u)
+    assert luma(eyes(engine)[0])[here] < 900
+    for index in range(1, 20):
+        engine.update(room.frame(index, cameras), {"head": HEAD})
+    assert (luma(eyes(engine)[0])[here[0] - 20 : here[0] + 20, here[1] - 20 : here[1] + 20] > 900).mean() > 0.99

@@ -127,16 +127,28 @@ def _relative(eye: F64, projector: F64) -> F64:
 
 
 @serial
-def _direction(camera: F64, x: int, y: int) -> tuple[float, float, float]:
-    """The direction of a pixel with depth 1, in the camera's axes."""
+def _columns(camera: F64, width: int) -> F64:
+    """[2, width]: the part of a picture's directions that depends on the column (`_row`)."""
+    across = np.empty((2, width))
+    for x in range(width):
+        if camera[KIND] == PERSPECTIVE:
+            across[0, x], across[1, x] = 1.0, (camera[CX] - (x + 0.5)) / camera[FX]
+        else:
+            phi = camera[PHI_MAX] - (x + 0.5) * camera[RADIANS_A_COLUMN]
+            across[0, x], across[1, x] = math.cos(phi), math.sin(phi)
+    return across
+
+
+@inlined
+def _row(camera: F64, y: int) -> tuple[float, float]:
+    """Scale and height of a row: the direction of depth 1 is (scale * across[0], scale * across[1], height)."""
     if camera[KIND] == PERSPECTIVE:
-        return 1.0, (camera[CX] - (x + 0.5)) / camera[FX], (camera[CY] - (y + 0.5)) / camera[FY]
-    phi = camera[PHI_MAX] - (x + 0.5) * camera[RADIANS_A_COLUMN]
+        return 1.0, (camera[CY] - (y + 0.5)) / camera[FY]
     theta = camera[THETA_MAX] - (y + 0.5) * camera[RADIANS_A_ROW]
-    return math.cos(theta) * math.cos(phi), math.cos(theta) * math.sin(phi), math.sin(theta)
+    return math.cos(theta), math.sin(theta)
 
 
-@serial
+@inlined
 def _lit(thrown: ProjectedPicture, u: float, v: float, depth: float) -> float:
     """The share of the background around a point of the projector's picture, 0 to 1, that is at the point's depth.
 
@@ -145,14 +157,23 @@ def _lit(thrown: ProjectedPicture, u: float, v: float, depth: float) -> float:
     h, w = thrown.codes.shape
     x, y = u * w - 0.5, v * h - 0.5
     left, top = math.floor(x), math.floor(y)
-    fx, fy, share = x - left, y - top, 0.0
-    for k in range(4):
-        i, j = min(max(left + (k & 1), 0), w - 1), min(max(top + (k >> 1), 0), h - 1)
-        code = thrown.codes[j, i]
-        behind = 1.0 / (thrown.offset + thrown.step * code)
-        if code > 0 and abs(depth - behind) <= delta_at(thrown.delta, behind):
-            share += (fx if k & 1 else 1.0 - fx) * (fy if k >> 1 else 1.0 - fy)
-    return share
+    fx, fy, around = x - left, y - top, delta_at(thrown.delta, depth)
+    farthest = max((1.0 / (depth + around) - thrown.offset) / thrown.step, 0.5)
+    nearest = (1.0 / max(depth - around, _LEAST) - thrown.offset) / thrown.step
+    i, right, j, below = max(left, 0), min(left + 1, w - 1), max(top, 0), min(top + 1, h - 1)
+    a = 1.0 if farthest <= thrown.codes[j, i] <= nearest else 0.0
+    b = 1.0 if farthest <= thrown.codes[j, right] <= nearest else 0.0
+    c = 1.0 if farthest <= thrown.codes[below, i] <= nearest else 0.0
+    d = 1.0 if farthest <= thrown.codes[below, right] <= nearest else 0.0
+    return (1.0 - fy) * ((1.0 - fx) * a + fx * b) + fy * ((1.0 - fx) * c + fx * d)
+
+
+@inlined
+def _weighted(texels: U16, at: int, k: int, step: int, fx: float, fy: float) -> float:
+    """Bilinear sample of component k of the texels from `at` on, in rows of `step`."""
+    upper = (1.0 - fx) * texels[at, k] + fx * texels[at + 1, k]
+    lower = (1.0 - fx) * texels[at + step, k] + fx * texels[at + step + 1, k]
+    return (1.0 - fy) * upper + fy * lower
 
 
 @serial
@@ -162,17 +183,22 @@ def _sample(thrown: ProjectedPicture, level: int, u: float, v: float) -> tuple[f
     w, h = thrown.levels[level, PIXELS_WIDE], thrown.levels[level, PIXELS_HIGH]
     x, y = u * w - 0.5, v * h - 0.5
     left, top = math.floor(x), math.floor(y)
-    fx, fy = x - left, y - top
+    fx, fy, texels = x - left, y - top, thrown.texels
+    if left >= 0 and top >= 0 and left + 1 < w and top + 1 < h:
+        at = thrown.levels[level, FIRST] + top * w + left
+        luma, cb = _weighted(texels, at, 0, w, fx, fy), _weighted(texels, at, 1, w, fx, fy)
+        cr, alpha = _weighted(texels, at, 2, w, fx, fy), _weighted(texels, at, 3, w, fx, fy)
+        return luma, cb, cr, alpha / OPAQUE
     luma, cb, cr, alpha = 0.0, 0.0, 0.0, 0.0
     for k in range(4):
         i, j = left + (k & 1), top + (k >> 1)
         if 0 <= i < w and 0 <= j < h:
             at = thrown.levels[level, FIRST] + j * w + i
             weight = (fx if k & 1 else 1.0 - fx) * (fy if k >> 1 else 1.0 - fy)
-            luma += weight * thrown.texels[at, 0]
-            cb += weight * thrown.texels[at, 1]
-            cr += weight * thrown.texels[at, 2]
-            alpha += weight * thrown.texels[at, 3]
+            luma += weight * texels[at, 0]
+            cb += weight * texels[at, 1]
+            cr += weight * texels[at, 2]
+            alpha += weight * texels[at, 3]
     return luma, cb, cr, alpha / OPAQUE
 
 
@@ -203,30 +229,33 @@ def _paint(
 
 @serial
 def _project_row(
-    y: int, drawn: F32, winner: U8, eye: Eye, thrown: ProjectedPicture, to_projector: F64, planes: Planes
+    y: int, drawn: F32, winner: U8, eye: Eye, thrown: ProjectedPicture, to_projector: F64, across: F64, planes: Planes
 ) -> None:
-    """Throw a picture onto row y of an eye; drawn, winner [w]: of its buffer."""
+    """Throw a picture onto row y of an eye; drawn, winner [w]: of its buffer; across: from `_columns`."""
     projector, m = thrown.camera, to_projector
-    wide, high = thrown.levels[0, PIXELS_WIDE], thrown.levels[0, PIXELS_HIGH]
+    fx, fy, cx, cy = projector[FX], projector[FY], projector[CX], projector[CY]
+    wide, high = float(thrown.levels[0, PIXELS_WIDE]), float(thrown.levels[0, PIXELS_HIGH])
+    scale, height = _row(eye.camera, y)
     for x in range(drawn.shape[0]):
         q = np.float64(drawn[x])
         if q <= 0.0:
             continue
         if winner[x] == eye.backdrop:
             q = _unpushed(q, eye.push)
-        dx, dy, dz = _direction(eye.camera, x, y)
-        depth = (m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz) / q + m[0, 3]
+        away = 1.0 / q
+        dx, dy, dz = away * scale * across[0, x], away * scale * across[1, x], away * height
+        depth = m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz + m[0, 3]
         if not depth > _LEAST:
             continue
-        across = (m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz) / q + m[1, 3]
-        upward = (m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz) / q + m[2, 3]
-        u, v = projector[CX] - projector[FX] * across / depth, projector[CY] - projector[FY] * upward / depth
+        inverse = 1.0 / depth
+        u = cx - fx * inverse * (m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz + m[1, 3])
+        v = cy - fy * inverse * (m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz + m[2, 3])
         # Up to half a texel beyond the border, the picture still fades.
         if not (-0.5 < u < wide + 0.5 and -0.5 < v < high + 0.5):
             continue
         share = thrown.strength * _lit(thrown, u / wide, v / high, depth)
         if share > 0.0:
-            texels = eye.radians_a_pixel / q * projector[FX] / depth
+            texels = eye.radians_a_pixel * away * fx * inverse
             _paint(thrown, u / wide, v / high, texels, share, planes, y, x)
 
 
@@ -234,6 +263,7 @@ def _project_row(
 def project(buffer: DepthBuffer, eye: Eye, thrown: ProjectedPicture, planes: Planes) -> None:
     """Throw a picture onto the drawn pixels of an eye that show the background; planes: their colours, in place."""
     to_projector = _relative(eye.camera, thrown.camera)
+    across = _columns(eye.camera, buffer.disparity.shape[1])
     for row in numba.prange(buffer.disparity.shape[0]):
         y = np.int64(row)
-        _project_row(y, buffer.disparity[y], buffer.winner[y], eye, thrown, to_projector, planes)
+        _project_row(y, buffer.disparity[y], buffer.winner[y], eye, thrown, to_projector, across, planes)
