@@ -23,12 +23,13 @@ from farside.engine.live.core_process import ProcessCore, kill_all
 from farside.engine.live.engine import Live
 from farside.engine.live.interpreter import responsive
 from farside.engine.live.update_priority import Patience
-from fastapi import FastAPI, HTTPException, Request, Response, WebSocket
+from fastapi import Depends, FastAPI, HTTPException, Request, Response, WebSocket
 from fastapi.middleware.cors import CORSMiddleware
 from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
 
 from .connection import Connection
+from .effects import effect_router
 from .export import MEDIA_TYPES, export_mesh, export_metrics
 from .ingest import serve_source
 from .origins import OriginCheck
@@ -42,6 +43,7 @@ __all__ = ["create_app", "make_server"]
 
 PAGE = Path(str(files("farside.server"))) / "page"
 READ = ["GET", "HEAD"]  # health checks ask by HEAD
+METHODS, HEADERS = [*READ, "PUT", "DELETE"], ["authorization", "content-type"]  # of pages of other origins
 
 
 def create_app(
@@ -70,6 +72,7 @@ def create_app(
     _add_middleware(app, settings)
     app.mount("/page", StaticFiles(directory=PAGE))
     _add_http(app)
+    _add_effects(app)
     _add_sockets(app)
     return app
 
@@ -79,7 +82,7 @@ def _add_middleware(app: FastAPI, settings: ServerSettings) -> None:
     origins = settings.origins
     app.add_middleware(RootPath, root=settings.root_path)
     if origins:  # their pages may also read what HTTP answers
-        app.add_middleware(CORSMiddleware, allow_origins=origins, allow_methods=READ, allow_headers=["authorization"])
+        app.add_middleware(CORSMiddleware, allow_origins=origins, allow_methods=METHODS, allow_headers=HEADERS)
     app.add_middleware(OriginCheck, hosts=settings.names, origins=origins, token=bool(settings.token))
 
 
@@ -155,6 +158,14 @@ def _add_http(app: FastAPI) -> None:
         if format_name not in MEDIA_TYPES:
             raise HTTPException(404, f"format: {format_name}: expected glb or ply")
         return await export_mesh(_service(app), format_name, request.query_params.get("colours"))
+
+
+def _add_effects(app: FastAPI) -> None:
+    def allowed(request: Request) -> None:
+        if not _service(app).authorised(_token(request)):
+            raise HTTPException(401, "token: another: expected the server's token")
+
+    app.include_router(effect_router(lambda: _service(app)), dependencies=[Depends(allowed)])
 
 
 def _token(request: Request) -> str:

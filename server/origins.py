@@ -23,6 +23,7 @@ _HOST = re.compile(r"([\w.-]+|\[[0-9a-fA-F:.]+(%(25)?\w+)?\])(:\d+)?", re.ASCII)
 # What containers call the machine that they run on. Nobody can register a name under .internal, but a network's owner
 # may give others out: they are not taken.
 _MACHINE = ("host.docker.internal", "gateway.docker.internal", "host.containers.internal")
+_READING = ("GET", "HEAD", "OPTIONS")  # a browser keeps the answers from other pages, these change nothing
 _DEFAULT_PORTS = {"http": 80, "ws": 80, "https": 443, "wss": 443}
 
 
@@ -61,7 +62,8 @@ class OriginCheck:
             return f"host: {host!r}: expected {expected}"
         if origin is None or "*" in self._origins or canonical(origin) in self._origins:
             return None
-        if scope["type"] == "websocket" and not _is_same(origin, host):
+        asks = scope["type"] == "http" and scope["method"] in _READING
+        if not asks and not _is_same(origin, host):
             return f"origin: {origin!r}: expected a page of {host!r} (--allow-origin adds others)"
         return None
 

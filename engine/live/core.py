@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..rig.camera import Camera
+from ..rig.effects import Effect
 from ..rig.frame import Fault, Frame
 from ..rig.viewer import EncodedPair, StereoView
 from ..settings import Settings
@@ -75,6 +76,13 @@ class Core(Protocol):
     def begin_model(self) -> None:
         """Build the background model from the next frame on, if that has not begun."""
 
+    def put_effect(self, name: str, effect: Effect, content: Any = None) -> None:
+        """Add or change a 3D effect (`Engine.put_effect`), which the next picture shows. Raises ValueError, and changes
+        nothing, for one that the engine does not take."""
+
+    def remove_effect(self, name: str) -> None:
+        """Remove a 3D effect, if it is there."""
+
     def mesh(self, file_format: str, colours: str | None = None) -> bytes:
         """The background model as a file: glb or ply, colours in a texture or at the vertices (`io.mesh_files`).
 
@@ -121,6 +129,14 @@ class LocalCore:
     def begin_model(self) -> None:
         """Build the background model from the next frame on."""
         self._engine.begin_model()
+
+    def put_effect(self, name: str, effect: Effect, content: Any = None) -> None:
+        """Add or change a 3D effect."""
+        self._engine.put_effect(name, effect, content)
+
+    def remove_effect(self, name: str) -> None:
+        """Remove a 3D effect."""
+        self._engine.remove_effect(name)
 
     def mesh(self, file_format: str, colours: str | None = None) -> bytes:
         """The background model as a file (`Engine.export`)."""

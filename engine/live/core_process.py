@@ -17,6 +17,7 @@ from itertools import count
 from multiprocessing.connection import Connection
 from typing import Any
 
+from ..rig.effects import Effect
 from ..rig.frame import Frame
 from ..rig.viewer import EncodedPair, StereoView
 from ..settings import Settings
@@ -106,6 +107,14 @@ class ProcessCore:
     def begin_model(self) -> None:
         """Build the background model from the next frame on."""
         self._ask(call, "begin_model")
+
+    def put_effect(self, name: str, effect: Effect, content: Any = None) -> None:
+        """Add or change a 3D effect."""
+        self._ask(call, "put_effect", name, effect, content)
+
+    def remove_effect(self, name: str) -> None:
+        """Remove a 3D effect."""
+        self._ask(call, "remove_effect", name)
 
     def mesh(self, file_format: str, colours: str | None = None) -> bytes:
         """The background model as a file, made in that process."""

@@ -23,6 +23,7 @@ from .core import Core, CoreLostError, Source, Updated
 from .core_uses import CoreUses
 from .governor import Governor
 from .left_out import LeftOutLog, Settled
+from .scene_effects import SceneEffects
 from .timing import Activity, Longest, Rate, StallMonitor, Timings
 from .update_priority import FIRM, GENTLE, Patience
 from .viewer import LiveViewer
@@ -57,6 +58,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         self._viewers: dict[str, LiveViewer[Any]] = {}
         self._core: Core | None = None
         self._uses = CoreUses()
+        self.effects = SceneEffects(lambda: self._core, self._uses)
         self._core_status: dict[str, Any] = {}
         self._pending: tuple[Frame, asyncio.Future[Settled]] | None = None
         self._arrived = asyncio.Event()
@@ -83,6 +85,7 @@ class Live(AbstractAsyncContextManager["Live"]):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self._drop_pending()
+        await self.effects.close()
         for pool in (*self._back_ends.values(), self._front_end, self._exports):
             await asyncio.to_thread(pool.shutdown, wait=True, cancel_futures=True)
         await self._uses.closed()
@@ -105,6 +108,7 @@ class Live(AbstractAsyncContextManager["Live"]):
                 for old in former.values():
                     self._uses.retire(old)
                 self._retune()
+                await self.effects.put_all()
             self.source = source
             self._wake_viewers()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from farside.engine.io.coloured_meshes import ColouredMesh, TexturedMesh, TexturedPart, TexturePage
@@ -13,6 +14,7 @@ from farside.engine.io.mesh_files import colours_of, to_file
 from farside.engine.live.core import Look, Source, Updated
 from farside.engine.rig.camera import Camera, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
+from farside.engine.rig.effects import Effect, Projector
 from farside.engine.rig.frame import Fault, Frame, Texture, View
 from farside.engine.rig.viewer import EncodedPair, PairReport, StereoView
 from farside.engine.settings import Settings
@@ -83,6 +85,7 @@ class FakeCore:
     dark: dict[int, dict[str, Fault]] = field(default_factory=dict)  # views that show nothing, by frame
     fail_render: bool = False
     settings: Settings | None = None
+    effects: dict[str, tuple[Effect, Any]] = field(default_factory=dict)
     closed: bool = False
     updating: Gate = field(default_factory=Gate)
     rendering: Gate = field(default_factory=Gate)
@@ -117,6 +120,14 @@ class FakeCore:
 
     def begin_model(self) -> None:
         pass
+
+    def put_effect(self, name: str, effect: Effect, content: Any = None) -> None:
+        if isinstance(effect, Projector) and effect.camera not in ("", *(c.name for c in self.source.cameras)):
+            raise ValueError(f"camera: {effect.camera!r}: expected another one")
+        self.effects[name] = effect, self.effects[name][1] if content is None and name in self.effects else content
+
+    def remove_effect(self, name: str) -> None:
+        self.effects.pop(name, None)
 
     def retune(self, settings: Settings) -> None:
         self.settings = settings

@@ -1,0 +1,127 @@
+"""3D effects over HTTP: what there is, adding and moving, pictures and meshes, removal."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from typing import Any
+
+from farside.engine.io.effect_files import MOST_BYTES, read_mesh, read_picture
+from farside.engine.rig.effects import AddedMesh, Effect, Projector
+from fastapi import APIRouter, HTTPException, Request
+
+from .effect_messages import EffectUpdate
+from .fields import ProtocolError, Reader
+from .protocol import AXES, MAX_CONTROL_BYTES, pose_from_wire, pose_to_wire
+from .service import Service
+
+__all__ = ["effect_of", "effect_router"]
+
+_READERS: dict[str, tuple[type[Effect], Callable[[bytes], Any]]] = {
+    "picture": (Projector, read_picture),
+    "mesh": (AddedMesh, read_mesh),
+}
+
+
+def effect_of(update: EffectUpdate, axes: str) -> Effect:
+    """The effect that a client describes in its `axes`."""
+    pose = pose_from_wire(axes, update.position, update.orientation)
+    if update.kind == "mesh":
+        return AddedMesh(pose, update.scale)
+    return Projector(pose, update.fov, update.strength, update.blend, update.camera)
+
+
+def _described(name: str, effect: Effect) -> dict[str, Any]:
+    """An effect as `EffectUpdate` describes it, in OMAF's axes."""
+    position, orientation = pose_to_wire("omaf", effect.pose)
+    if isinstance(effect, AddedMesh):
+        update = EffectUpdate(name, "mesh", position, orientation, scale=effect.scale)
+    else:
+        update = EffectUpdate(
+            name, "projector", position, orientation, effect.fov_rad, effect.strength, effect.blend, effect.camera
+        )
+    return {key: value for key, value in update._fields().items() if key != "name"}
+
+
+async def _body(request: Request, most: int) -> bytes:
+    """A request's body; HTTPException 413 where it is longer than `most` bytes."""
+    parts, size = [], 0
+    async for part in request.stream():
+        size += len(part)
+        if size > most:
+            raise HTTPException(413, f"body: more than {most} bytes: expected at most {most}")
+        parts.append(part)
+    return b"".join(parts)
+
+
+async def _asked(request: Request, name: str) -> Effect:
+    """The effect that a request's JSON describes; HTTPException 400 for what it does not describe rightly."""
+    try:
+        fields = json.loads(await _body(request, MAX_CONTROL_BYTES))
+    except (RecursionError, ValueError) as error:
+        raise HTTPException(400, f"body: {error}: expected JSON") from error
+    try:
+        reader = Reader({**fields, "name": name} if isinstance(fields, dict) else fields)
+        axes = reader.choice("axes", AXES) if reader.has("axes") else "omaf"
+        return effect_of(EffectUpdate._read(reader), axes)
+    except ProtocolError as error:
+        raise HTTPException(400, str(error)) from error
+
+
+def effect_router(service: Callable[[], Service]) -> APIRouter:
+    """The routes under /effects; the application checks who asks."""
+    router = APIRouter(prefix="/effects")
+
+    @router.get("")
+    async def effects() -> dict[str, Any]:
+        held = service().live.effects
+        found = {name: (held.get(name), held.has_content(name)) for name in held.names}
+        described = {name: (_described(name, effect), has) for name, (effect, has) in found.items() if effect}
+        return {"effects": {name: {**fields, "has_content": has} for name, (fields, has) in described.items()}}
+
+    @router.put("/{name}")
+    async def put(name: str, request: Request) -> dict[str, Any]:
+        effect = await _asked(request, name)
+        await _put(service(), name, effect, None)
+        return _described(name, effect)
+
+    @router.put("/{name}/{what}")
+    async def put_content(name: str, what: str, request: Request) -> dict[str, Any]:
+        if what not in _READERS:
+            raise HTTPException(404, f"{what}: expected picture or mesh")
+        effect, (kind, read) = _known(service(), name), _READERS[what]
+        if not isinstance(effect, kind):
+            kinds = _described(name, effect)["kind"], "projector" if what == "picture" else "mesh"
+            raise HTTPException(409, f"{what}: for a {kinds[0]}: expected it for a {kinds[1]}")
+        if isinstance(effect, Projector) and effect.camera:
+            raise HTTPException(409, f"picture: for a projector of camera {effect.camera}: expected none")
+        data = await _body(request, MOST_BYTES)
+        try:
+            content = await asyncio.to_thread(read, data)
+        except ValueError as error:
+            raise HTTPException(400, str(error)) from error
+        await _put(service(), name, _known(service(), name), content)
+        return _described(name, effect)
+
+    @router.delete("/{name}", status_code=204)
+    async def remove(name: str) -> None:
+        _known(service(), name)
+        await service().live.effects.remove(name)
+
+    return router
+
+
+def _known(service: Service, name: str) -> Effect:
+    """The effect of a name; HTTPException 404 if there is none."""
+    effect = service.live.effects.get(name)
+    if effect is None:
+        raise HTTPException(404, f"effect: {name}: expected one of {', '.join(service.live.effects.names) or 'none'}")
+    return effect
+
+
+async def _put(service: Service, name: str, effect: Effect, content: Any) -> None:
+    try:
+        await service.live.effects.put(name, effect, content)
+    except ValueError as error:
+        raise HTTPException(400, str(error)) from error
