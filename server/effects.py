@@ -1,22 +1,23 @@
-"""3D effects over HTTP: what there is, adding and moving, pictures and meshes, removal."""
+"""3D effects over HTTP: what there is, adding and moving, pictures and meshes, removal; and wishes of viewers."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 from farside.engine.io.effect_files import MOST_BYTES, read_mesh, read_picture
+from farside.engine.live.scene_effects import SceneEffects
 from farside.engine.rig.effects import AddedMesh, Effect, Projector
 from fastapi import APIRouter, HTTPException, Request
 
-from .effect_messages import EffectUpdate
-from .fields import ProtocolError, Reader
+from .effect_messages import EffectRemoval, EffectUpdate
+from .fields import CloseCode, ProtocolError, Reader
 from .protocol import AXES, MAX_CONTROL_BYTES, pose_from_wire, pose_to_wire
 from .service import Service
 
-__all__ = ["effect_of", "effect_router"]
+__all__ = ["EffectWishes", "effect_of", "effect_router"]
 
 _READERS: dict[str, tuple[type[Effect], Callable[[bytes], Any]]] = {
     "picture": (Projector, read_picture),
@@ -30,6 +31,39 @@ def effect_of(update: EffectUpdate, axes: str) -> Effect:
     if update.kind == "mesh":
         return AddedMesh(pose, update.scale)
     return Projector(pose, update.fov, update.strength, update.blend, update.camera)
+
+
+class EffectWishes:
+    """What a viewer wants of the effects. Of wishes for the same effect the newest counts: a hand that moves one sends
+    more of them than the engine takes, and its head must not wait for them."""
+
+    def __init__(self, effects: SceneEffects) -> None:
+        self._effects = effects
+        self._waiting: dict[str, Effect | None] = {}  # by name; None: remove it
+        self._one = asyncio.Event()
+
+    def note(self, update: EffectUpdate | EffectRemoval, axes: str) -> None:
+        """A wish in the viewer's `axes`."""
+        self._waiting[update.name] = effect_of(update, axes) if isinstance(update, EffectUpdate) else None
+        self._one.set()
+
+    async def fulfil(self) -> NoReturn:
+        """Put and remove what is wished; raises ProtocolError for an effect that the engine does not take."""
+        while True:
+            await self._one.wait()
+            self._one.clear()
+            while self._waiting:
+                name = next(iter(self._waiting))
+                effect = self._waiting.pop(name)
+                if effect is None:
+                    await self._effects.remove(name)
+                    continue
+                try:
+                    await self._effects.put(name, effect)
+                except ValueError as error:
+                    said, _, expected = str(error).rpartition(": expected ")
+                    field, _, value = said.partition(": ")
+                    raise ProtocolError(CloseCode.VALUE, field, value, expected) from error
 
 
 def _described(name: str, effect: Effect) -> dict[str, Any]:

@@ -1,8 +1,9 @@
-"""Viewers: receives poses, sends stereo pictures."""
+"""Viewers: receives poses and wishes about effects, sends stereo pictures."""
 
 from __future__ import annotations
 
 from functools import partial
+from typing import NoReturn
 
 from farside.engine.io.images import split_planes
 from farside.engine.live.core import Source
@@ -12,16 +13,21 @@ from farside.engine.rig.viewer import EncodedPair, StereoView, home_pose
 from starlette.websockets import WebSocket
 
 from .connection import connection_of
+from .effects import EffectWishes
 from .inbox import receive
 from .protocol import (
+    EFFECTS,
     MAX_CONTROL_BYTES,
     CloseCode,
+    EffectRemoval,
+    EffectUpdate,
     Picture,
     PoseUpdate,
     ProtocolError,
     Scene,
     Stereo,
     ViewerHello,
+    agreed,
     decode,
     pose_from_wire,
     pose_to_wire,
@@ -52,7 +58,9 @@ async def serve_viewer(socket: WebSocket, service: Service) -> None:
                 ),
                 lambda source: send(socket, _scene(hello.axes, source)),
             )
-            await race(pictures, _receive_poses(socket, viewer, hello.axes))
+            wishes = EffectWishes(service.live.effects) if EFFECTS in agreed(hello.features, hello.ROLE) else None
+            others = (wishes.fulfil(),) if wishes is not None else ()
+            await race(pictures, _receive(socket, viewer, hello.axes, wishes), *others)
 
 
 def _view_of(hello: ViewerHello) -> StereoView:
@@ -62,10 +70,19 @@ def _view_of(hello: ViewerHello) -> StereoView:
     return StereoView(Pose(), hello.ipd, left, right)
 
 
-async def _receive_poses(socket: WebSocket, viewer: LiveViewer[PoseUpdate], axes: str) -> None:
+async def _receive(
+    socket: WebSocket, viewer: LiveViewer[PoseUpdate], axes: str, wishes: EffectWishes | None
+) -> NoReturn:
+    """Take poses and, where the feature is agreed, wishes about effects."""
     last = -1
+    allowed = (PoseUpdate,) if wishes is None else (PoseUpdate, EffectUpdate, EffectRemoval)
     while True:
-        update = decode(await receive(socket), PoseUpdate, limit=MAX_CONTROL_BYTES)
+        update = decode(await receive(socket), *allowed, limit=MAX_CONTROL_BYTES)
+        if not isinstance(update, PoseUpdate):
+            assert wishes is not None
+            assert isinstance(update, EffectUpdate | EffectRemoval)
+            wishes.note(update, axes)
+            continue
         if update.seq <= last:
             raise ProtocolError(CloseCode.ORDER, "seq", update.seq, f"more than {last}")
         last = update.seq

@@ -16,10 +16,12 @@ import msgpack
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 
+from .effect_messages import EffectRemoval, EffectUpdate
 from .fields import CloseCode, ProtocolError, Quaternion, Reader, Vector
 from .unpack import unpack
 
 __all__ = [
+    "EFFECTS",
     "MAX_CONTROL_BYTES",
     "MAX_HELLO_BYTES",
     "MAX_MESSAGE_BYTES",
@@ -28,6 +30,8 @@ __all__ = [
     "BufferFree",
     "CloseCode",
     "DepthData",
+    "EffectRemoval",
+    "EffectUpdate",
     "Error",
     "Features",
     "FrameDone",
@@ -68,7 +72,8 @@ DEPTH_ENCODINGS = ("raw", "zlib")
 OUTCOMES = ("updated", "dropped")
 MAX_FEATURES = 64
 MISSING_VIEWS = "missing_views"  # a source says which cameras have no picture in a frame
-FEATURES: dict[str, tuple[str, ...]] = {"source": (MISSING_VIEWS,), "viewer": ()}  # of this program, by role
+EFFECTS = "effects"  # a viewer adds, moves and removes 3D effects
+FEATURES: dict[str, tuple[str, ...]] = {"source": (MISSING_VIEWS,), "viewer": (EFFECTS,)}  # of this program, by role
 
 Tangents = tuple[float, float, float, float]  # left, right, top, bottom; positive outwards
 
@@ -609,13 +614,17 @@ class Error:
 
 
 Message = (
-    ViewerHello | SourceHello | Welcome | Scene | BufferFree | ViewData | FrameDone | PoseUpdate | Stereo | Error
-)
+    ViewerHello | SourceHello | Welcome | Scene | BufferFree | ViewData | FrameDone | PoseUpdate | EffectUpdate
+    | EffectRemoval | Stereo | Error
+)  # fmt: skip
 M = TypeVar("M", bound=Message)
 _ROLES = {kind.ROLE: kind for kind in (ViewerHello, SourceHello)}
 _TYPES: dict[str, type[Message]] = {
-    kind.TYPE: kind for kind in (Welcome, Scene, BufferFree, ViewData, FrameDone, PoseUpdate, Stereo, Error)
-}
+    kind.TYPE: kind
+    for kind in (
+        Welcome, Scene, BufferFree, ViewData, FrameDone, PoseUpdate, EffectUpdate, EffectRemoval, Stereo, Error
+    )
+}  # fmt: skip
 
 
 def encode(message: Message) -> bytes:

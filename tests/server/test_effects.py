@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from farside.clients.connection import connect
+from farside.clients.connection import RefusedError, connect
 from farside.engine.live.core import Source, make_local_core
 from farside.engine.live.core_process import ProcessCore
 from farside.engine.live.scene_effects import MOST_EFFECTS
@@ -22,7 +22,18 @@ from farside.engine.rig.effects import AddedMesh, Projector
 from farside.engine.settings import Settings
 from farside.server import effects as routes
 from farside.server.pictures import decode_texture, encode_view
-from farside.server.protocol import FrameDone, PoseUpdate, Scene, SourceHello, Stereo, ViewerHello
+from farside.server.protocol import (
+    EFFECTS,
+    EffectRemoval,
+    EffectUpdate,
+    Features,
+    FrameDone,
+    PoseUpdate,
+    Scene,
+    SourceHello,
+    Stereo,
+    ViewerHello,
+)
 from support import effects as room
 from support.doubles import CAMERAS, Cores, a_view
 from support.rooms import WALL_Y, camera_row
@@ -193,6 +204,71 @@ def test_an_engine_of_other_cameras_gets_all_effects(url: str, cores: Cores) -> 
     second = cores.made[1]
     assert second.effects == {"cube": (AddedMesh(Pose((1.0, 2.0, 3.0))), None)}  # it has no camera v1
     assert list(ask(url, "GET", "/effects")[1]["effects"]) == ["live", "cube"]
+
+
+WISHES = Features(required=(EFFECTS,))
+
+
+async def there(url: str, names: list[str]) -> dict[str, Any]:
+    """Waits until there are these effects."""
+    while True:
+        effects = (await asyncio.to_thread(ask, url, "GET", "/effects"))[1]["effects"]
+        if list(effects) == names:
+            return effects
+        await asyncio.sleep(0.01)
+
+
+def test_a_viewer_moves_effects_in_its_own_axes(url: str) -> None:
+    async def scenario() -> None:
+        hello = ViewerHello.symmetric(32, 24, 1.5, axes="openxr", features=WISHES)
+        async with connect(url, hello) as (viewer, welcome):
+            assert welcome.features == (EFFECTS,)
+            for k in range(20):
+                await viewer.send(EffectUpdate("cube", "mesh", (0.0, 0.1 * k, -1.0), (0.0, 0.0, 0.0, 1.0), scale=2.0))
+            await viewer.send(EffectUpdate("light", "projector", (0.0, 0.0, -1.0), (0.0, 0.0, 0.0, 1.0), 0.5))
+            effects = await there(url, ["cube", "light"])
+            while effects["cube"]["position"][2] != pytest.approx(1.9):  # the newest wins
+                effects = await there(url, ["cube", "light"])
+            assert effects["cube"]["position"][:2] == [1.0, 0.0]
+            assert effects["cube"]["scale"] == 2.0
+            assert effects["light"]["fov"] == 0.5
+            await viewer.send(EffectRemoval("cube"))
+            await viewer.send(EffectRemoval("nobody"))
+            await there(url, ["light"])
+        await there(url, ["light"])  # it stays without the viewer
+
+    run_within(20, scenario)
+
+
+def test_a_viewer_that_has_not_agreed_on_effects_may_not_send_them(url: str) -> None:
+    async def scenario() -> None:
+        async with connect(url, ViewerHello.symmetric(32, 24, 1.5)) as (viewer, welcome):
+            assert welcome.features == ()
+            await viewer.send(EffectRemoval("cube"))
+            with pytest.raises(RefusedError, match="type: remove_effect: expected pose here"):
+                await viewer.receive(Scene)
+
+    run_within(20, scenario)
+
+
+def test_an_effect_that_the_engine_does_not_take_ends_its_viewer_only(url: str) -> None:
+    async def scenario() -> None:
+        async with connect(url, SourceHello("room", 30.0, CAMERAS)) as (source, _):
+            for camera in CAMERAS:
+                await source.send(encode_view(a_view(camera), 0))
+            await source.receive(FrameDone)
+            async with connect(url, ViewerHello.symmetric(32, 24, 1.5, features=WISHES)) as (viewer, _):
+                await viewer.receive(Scene)
+                await viewer.send(
+                    EffectUpdate("live", "projector", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), camera="v9")
+                )
+                with pytest.raises(RefusedError, match="camera: 'v9': expected another one"):
+                    await viewer.receive(Stereo)
+            for camera in CAMERAS:
+                await source.send(encode_view(a_view(camera), 1))
+            await source.receive(FrameDone)
+
+    run_within(20, scenario)
 
 
 def real_core(source: Source) -> ProcessCore:

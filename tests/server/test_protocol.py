@@ -110,6 +110,14 @@ messages = st.one_of(
         st.sampled_from(["updated", "dropped"]),
         st.dictionaries(names, names, max_size=3),
     ),
+    st.builds(
+        protocol.EffectUpdate, names, st.just("projector"), vectors, quaternions(), st.floats(0.02, 2.9), fractions,
+        st.sampled_from(["mix", "add"]), names,
+    ),
+    st.builds(
+        protocol.EffectUpdate, names, st.just("mesh"), vectors, quaternions(), scale=st.floats(1e-3, 1e3)
+    ),
+    st.builds(protocol.EffectRemoval, names),
     st.builds(protocol.PoseUpdate, counts, numbers, vectors, quaternions(), st.none() | vectors, st.none() | counts),
     st.builds(
         protocol.Stereo,
