@@ -29,6 +29,7 @@ from farside.engine.settings import Settings
 from rich.console import Console
 from rich.progress import Progress
 
+from .effects import read_effects
 from .kernels import compile_shown
 from .moving import Moving, pose_files
 
@@ -93,6 +94,9 @@ def command(
     seed_model: SeedModel = None,
     exposure: Exposure = None,
     output_scale: OutputScale = None,
+    effects: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="3D effects: projectors and meshes (server/PROTOCOL.md).")
+    ] = None,
     fill: Annotated[bool, typer.Option("--fill/--no-fill", help="Fill disocclusions.")] = True,
     png: Annotated[bool, typer.Option(help="Also write PNG files.")] = False,
     report: Annotated[
@@ -116,6 +120,8 @@ def command(
         raise ValueError(f"--seed-model: {seed_model}: expected none with --no-background")
     if seed_model is not None:
         check_seed(seed_model)
+    if effects is not None:
+        job = dataclasses.replace(job, effects=read_effects(effects))
     compile_shown([quality])
     if seed_model is not None:
         job = dataclasses.replace(job, seed=read_seed(seed_model))

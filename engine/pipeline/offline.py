@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from ..background.seed import Seed
+from ..io.effect_files import EffectContent
 from ..io.images import write_png
 from ..io.raw_writer import RawWriter
 from ..io.recording import Playhead, Recording, playback_index
 from ..io.tmiv import depth_path, texture_path
 from ..io.yuv import PixelFormat, from_texture
 from ..rig.camera import Camera
+from ..rig.effects import Effect
 from ..rig.left_out import LeftOut
 from ..rig.texture import to_rgb
 from ..rig.viewer import RenderedPicture, StereoView
@@ -38,7 +40,8 @@ class RenderJob:
     """A job: output frames [start, stop) of `targets`, rendered from the source views of a recording.
 
     With `history`, the input frames before `start` are played first, so that the background model at frame n is the
-    same as in a live run. seed: an earlier model of the same room, which the background model begins with.
+    same as in a live run. seed: an earlier model of the same room, which the background model begins with. effects: 3D
+    effects with their names and contents (`Engine.put_effect`).
     """
 
     recording: Recording
@@ -48,6 +51,7 @@ class RenderJob:
     stop: int
     history: bool = True
     seed: Seed | None = None
+    effects: tuple[tuple[str, Effect, EffectContent | None], ...] = ()
 
 
 class OfflineRenderer:
@@ -60,6 +64,8 @@ class OfflineRenderer:
         self.job, self.settings = job, settings
         cameras = [job.recording.camera(name, 0) for name in job.sources]
         self.engine = Engine(cameras, settings, f_vin=job.recording.fps, seed=job.seed)
+        for effect in job.effects:
+            self.engine.put_effect(*effect)
         self.left_out = LeftOut()
         self._count = job.recording.frame_count
         self._playhead = Playhead(job.recording, job.sources)
@@ -97,6 +103,7 @@ class OfflineRenderer:
     ) -> dict[str, Any]:
         stages = dict.fromkeys(STAGES, 0.0) | back_end.stages
         stages["ingest"] = ingest + stages.pop("exposure", 0.0)
+        stages["pbi"] += stages.pop("effects", 0.0)
         for picture in pictures.values():
             for name, milliseconds in picture.report.stages.items():
                 stages[_PICTURE_STAGES[name]] += milliseconds

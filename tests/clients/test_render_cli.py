@@ -15,6 +15,7 @@ from farside.clients.cli import app
 from farside.engine.io.pose_trace import write_poses
 from farside.engine.io.tmiv import SequenceWriter
 from farside.engine.rig.camera import Pose
+from support.effects import cube_glb, png, white
 from support.rooms import camera_row, frame
 from typer.testing import CliRunner
 
@@ -36,6 +37,19 @@ def room(tmp_path_factory):
             for view in frame(index, sources, 0.4 * index - 0.4).views:
                 writer.write(view.camera.name, view.texture, view.codes)
     return folder
+
+
+@pytest.fixture
+def effects(tmp_path):
+    """A file with a projector and a cube."""
+    posed = {"position": [0.0, 0.0, 0.0], "orientation": [1.0, 0.0, 0.0, 0.0]}
+    (tmp_path / "white.png").write_bytes(png(white()))
+    (tmp_path / "cube.glb").write_bytes(cube_glb())
+    cube = {"kind": "mesh", **posed, "position": [3.0, 1.0, 0.0], "scale": 0.15, "mesh": "cube.glb"}
+    screen = {"kind": "projector", **posed, "fov": 0.4, "picture": "white.png"}
+    path = tmp_path / "effects.json"
+    path.write_text(json.dumps({"screen": screen, "cube": cube}))
+    return path
 
 
 @pytest.fixture
@@ -276,3 +290,42 @@ def test_bench_without_a_table_says_so(tmp_path):
     done = CliRunner().invoke(app, ["bench", "--peers", str(tmp_path)])
     assert isinstance(done.exception, ValueError)
     assert "no table" in str(done.exception)
+
+
+def test_effects_of_a_file_are_rendered_and_the_report_has_the_same_keys(room, tmp_path, effects):
+    reports = {}
+    for name, options in (("bare", ()), ("with", ("--effects", effects))):
+        report = tmp_path / f"{name}.json"
+        render(room, tmp_path / name, "--camera", "viewport", "--frames", "1:2", "--report", report, *options)
+        reports[name] = json.loads(report.read_text())["frames"][0]
+    assert {key: set(reports["with"][key]) for key in ("stages", "hole_fraction", "triangles")} == {
+        key: set(reports["bare"][key]) for key in ("stages", "hole_fraction", "triangles")
+    }
+    lumas = [np.fromfile(next((tmp_path / name).glob("*_texture_*")), np.uint16, W * H) for name in ("bare", "with")]
+    bare, shown = (luma.reshape(H, W).astype(int) for luma in lumas)
+    change = shown - bare
+    assert (shown[14:18, 18] > 900).all()  # beside the box
+    assert np.abs(change[:, :4]).max() == 0  # neither is there
+    assert 0.05 < (change != 0).mean() < 0.5
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{", "effects.json: .*: expected JSON"),
+        ("[]", "effects.json: list: expected an object"),
+        ('{"a": 1}', "effects.json: a: message: int: expected a map"),
+        ('{"a": {"kind": "mesh", "position": [0, 0, 0], "orientation": [1, 0, 0, 0]}}', "a: mesh: missing: expected"),
+    ],
+)
+def test_a_file_of_no_effects_is_refused(room, tmp_path, text, said):
+    path = tmp_path / "effects.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=said):
+        render(room, tmp_path / "out", "--camera", "t0", "--effects", path)
+
+
+def test_a_content_that_is_none_is_refused_with_its_file(room, tmp_path, effects):
+    (tmp_path / "cube.glb").write_bytes(b"no")
+    with pytest.raises(ValueError, match=r"cube\.glb: mesh: first bytes: b'no'"):
+        render(room, tmp_path / "out", "--camera", "t0", "--effects", effects)
