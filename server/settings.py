@@ -212,7 +212,7 @@ class ServerSettings(BaseModel):
     def needed(self) -> tuple[str, ...]:
         """Which compiled kernels are needed (`engine.compiling.needed`), those for the first picture first."""
         lower = QUALITIES[: QUALITIES.index(self.quality)] if self.target_fps else ()
-        return "picture", self.quality, *reversed(lower)
+        return "picture", self.quality, *reversed(lower), "effects"
 
     def _given(self) -> dict[str, object]:
         given = {

@@ -15,8 +15,8 @@ from pathlib import Path
 __all__ = ["NEEDED", "USES", "Kernel", "needed_for", "read", "write"]
 
 NEEDED = Path(__file__).with_name("needed.json")
-USES = ("synth", "picture", "fast", "balanced", "best", "paper")
-"""What kernels are needed for: making twins; a picture without a background model; each quality."""
+USES = ("synth", "picture", "fast", "balanced", "best", "paper", "effects")
+"""What kernels are needed for: making twins; a picture without a background model; each quality; 3D effects."""
 
 
 @dataclass(frozen=True, slots=True)

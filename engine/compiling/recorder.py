@@ -74,6 +74,9 @@ def _rehearse(use: str, folder: Path) -> None:
         for name in _TWINS:
             write_twin(name, folder / name, _SCALE, _FRAMES)
         return
+    if use == "effects":
+        _add_effects()
+        return
     from ..io.recording import open_recording
 
     if use == "picture":
@@ -117,6 +120,32 @@ def _play(recording: Any, quality: str) -> None:
         engine.export("glb", colours)
     for name in recording.truth_names[:2]:
         engine.render_camera(recording.camera(name), "head")
+
+
+def _add_effects() -> None:
+    """Throw a picture onto another one, and draw a mesh; the rest, such as the model, is a quality's."""
+    import numpy as np
+
+    from ..background.seed_files import seed_of_parts
+    from ..io.glb_scene import GlbPart
+    from ..kernels.rendering.added_mesh import ColouredTriangles
+    from ..kernels.rendering.projector import ProjectedPicture
+    from ..rendering.effects import Effects, levels_of_rgba, levels_of_texture
+    from ..rendering.target import Target
+    from ..rendering.warping import Canvas
+    from ..rig.camera import Camera, Perspective, Pose
+    from ..rig.depth import DepthCoding
+    from ..rig.texture import from_rgb
+
+    camera, origin = Camera("eye", Perspective.from_fov(16, 16, 1.0), Pose(), DepthCoding(0.1, 10.0)), np.zeros(3)
+    levels_of_texture(from_rgb(np.zeros((16, 16, 3), np.uint8)))
+    picture, codes = levels_of_rgba(np.zeros((16, 16, 4), np.uint8)), np.ones((16, 16), np.uint16)
+    thrown = ProjectedPicture(*picture, camera.packed(), codes, 0.1, 0.1, (0.1, 0.1), 1.0, False)
+    corners, triangles = np.eye(3), np.array([[0, 1, 2]], np.int32)
+    (part,) = seed_of_parts([GlbPart(corners, triangles, np.ones((3, 3), np.float32))]).parts
+    mesh = ColouredTriangles(corners, triangles, part.uv, part.atlas.y, part.atlas.cb, part.atlas.cr)
+    canvas = Canvas(16, 16)
+    canvas.add_effects(Effects((thrown,), (mesh,)), Target(camera, origin), 0.1, 1, (0.1, 0.1))
 
 
 def _walk(recording: Any, quality: str) -> None:

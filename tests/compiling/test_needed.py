@@ -15,6 +15,16 @@ from farside.engine.compiling.listing import join
 from farside.engine.compiling.needed import USES, Kernel, needed_for, read, write
 from farside.engine.compiling.pool import Compiling
 from farside.engine.compiling.recorder import Compiled
+from farside.engine.compiling.signatures import to_text
+from farside.engine.io.effect_files import read_mesh
+from farside.engine.kernels.rendering import added_mesh, projector
+from farside.engine.pipeline.engine import Engine
+from farside.engine.rig.camera import Pose
+from farside.engine.rig.effects import AddedMesh, Projector
+from farside.engine.rig.viewer import StereoView
+from farside.engine.settings import Settings
+from support import effects as room
+from support.rooms import camera_row
 
 AGAIN = "make the list anew: farside bench compile --renew"
 
@@ -41,6 +51,20 @@ def test_nothing_else_is_compiled(use: str, twins: Path) -> None:
     compiled = json.loads(out.read_text())
     assert [(each["module"], each["name"], each["types"]) for each in compiled["kernels"]] == [], AGAIN
     assert set(compiled["modules"]) <= {read()[number].module for number in needed_for([use])}, AGAIN
+
+
+def test_effects_in_an_engine_need_no_other_kernels() -> None:
+    cameras = camera_row(3, (64, 48))
+    engine = Engine(cameras, Settings.preset("balanced"))
+    engine.put_effect("white", Projector(room.looking_at_the_wall(), 1.0), room.white())
+    engine.put_effect("live", Projector(room.looking_at_the_wall(), 1.0, camera="v1"))
+    engine.put_effect("cube", AddedMesh(Pose((3.0, 0.0, 0.0)), 0.2), read_mesh(room.cube_glb()))
+    engine.update(room.frame(0, cameras))
+    engine.render(StereoView.symmetric(Pose(), 48, 40, 1.2))
+    for kernel in (projector.project, projector.halve, projector.take_planes, added_mesh.draw):
+        name = kernel.py_func.__name__
+        listed = {each.types for each in read() if each.name == name and "effects" in each.uses}
+        assert {to_text(types) for types in kernel.signatures} == listed != set(), AGAIN
 
 
 def test_each_listed_kernel_is_there_and_comes_after_those_that_it_calls() -> None:

@@ -105,10 +105,10 @@ def test_with_all_kernels_the_model_begins_at_once(made: list[Told]) -> None:
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        ({}, ("picture", "balanced")),
-        ({"quality": "fast", "target_fps": 10}, ("picture", "fast")),
-        ({"quality": "best", "target_fps": 10}, ("picture", "best", "balanced", "fast")),
-        ({"quality": "paper"}, ("picture", "paper")),
+        ({}, ("picture", "balanced", "effects")),
+        ({"quality": "fast", "target_fps": 10}, ("picture", "fast", "effects")),
+        ({"quality": "best", "target_fps": 10}, ("picture", "best", "balanced", "fast", "effects")),
+        ({"quality": "paper"}, ("picture", "paper", "effects")),
     ],
 )
 def test_settings_tell_what_is_needed(given: dict[str, Any], expected: tuple[str, ...]) -> None:
