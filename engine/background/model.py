@@ -37,12 +37,12 @@ class BackgroundModel(ModelParts):
     """The S-PBS from the first frame and the P-PBS from surfaces that later frames uncover; it renders probable
     background images.
 
-    `update`, `state` and `render_pbi` are called by one thread at a time, `mesh`, `textured_mesh` and `counts` by any
-    thread. In its turn, a camera that has moved begins a new capture, and adds the surfaces in its view that are
-    farther than the PBS (section 4.2); what earlier captures have added stays, with their colours. A view that is left
-    out of a frame leaves no trace in the model; a camera that was left out of the first frames begins with its first
-    view. tracer: the ray tracer; None: Embree. seed: an earlier model of the same room, whose surfaces the S-PBS begins
-    with (`seeding`).
+    `update`, `state` and `render_pbi` are called by one thread at a time, `mesh`, `textured_mesh`, `counts` and
+    `queries` by any thread. In its turn, a camera that has moved begins a new capture, and adds the surfaces in its
+    view that are farther than the PBS (section 4.2); what earlier captures have added stays, with their colours. A view
+    that is left out of a frame leaves no trace in the model; a camera that was left out of the first frames begins with
+    its first view. tracer: the ray tracer; None: Embree. seed: an earlier model of the same room, whose surfaces the
+    S-PBS begins with (`seeding`).
     """
 
     def update(self, frame: Frame, tones: F64 | None = None) -> UpdateReport:
@@ -58,6 +58,8 @@ class BackgroundModel(ModelParts):
         report = self._progress(frame, tones) if len(self._captures) else self._initialise(frame, tones)
         for name, count in self.counts().items():
             setattr(report, name, count)
+        still = [c for c in self._rig.still() if frame.views[c].there]
+        self._sightings.note(frame, self._captures, still, self.tolerances.delta)
         return report
 
     def state(self) -> ModelState:
@@ -71,6 +73,7 @@ class BackgroundModel(ModelParts):
         cameras = [camera.camera() for camera in state.cameras]
         model = cls(cameras, settings_of(state), state.scene.scene(), tracer)
         put_back(model, state)
+        model._sightings.resume()
         return model
 
     def _initialise(self, frame: Frame, tones: F64) -> UpdateReport:

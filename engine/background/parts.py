@@ -21,9 +21,11 @@ from .older_captures import OlderCaptures
 from .p_pbs import ProgressiveUpdate
 from .pbi import BackgroundImage, render_pbi
 from .pbs import ProbableBackgroundSurface
+from .queries import ModelQueries
 from .ray_tracer import RayTracer
 from .reference_cameras import ReferenceCameras
 from .seed import Seed
+from .sightings import Sightings
 from .textured_mesh import textured_mesh
 from .tolerances import FollowedTolerances, Tolerances
 from .viewing_space import ViewingSpace
@@ -52,6 +54,7 @@ class ModelParts:
         changed = self._culling.changed
         self._p_pbs = ProgressiveUpdate(self._pbs, self._new_triangles, changed, settings, len(self._rig))
         self._older = OlderCaptures(self._pbs, self._captures)
+        self._sightings = Sightings()
         self._seed = seed  # until the first frame
         self._waited = 0  # frames skipped since the last update
 
@@ -64,6 +67,11 @@ class ModelParts:
     def captures(self) -> tuple[Capture | Remains, ...]:
         """All captures, current ones and what is left of older ones: the origins of surfaces."""
         return tuple(self._captures)
+
+    @property
+    def queries(self) -> ModelQueries:
+        """What can be asked about the model: rays, the closest point, spheres. Any thread may ask at any time."""
+        return ModelQueries(self._pbs, self._sightings, self._origin)
 
     @property
     def delta(self) -> float:

@@ -36,6 +36,7 @@ class ProbableBackgroundSurface:
         self.progressive: dict[int, Surface] = {}
         self.lock = threading.RLock()
         self._camera_count = camera_count
+        self._changed: dict[int, Surface] = {}  # by geometry; since the last commit
 
     def set_static(self, capture: int, camera: int, mesh: Mesh) -> Surface:
         """Sets a capture's part of the S-PBS, without marks."""
@@ -48,7 +49,7 @@ class ProbableBackgroundSurface:
     def put(self, surface: Surface, *, static: bool) -> Surface:
         """Sets a surface with its marks as its capture's surface in the S-PBS (`static`) or the P-PBS."""
         with self.lock:
-            self.tracer.set(self._geometry(surface.capture, static), surface)
+            self._changed[self._geometry(surface.capture, static)] = surface
             (self.static if static else self.progressive)[surface.capture] = surface
             self.version += 1
         return surface
@@ -60,7 +61,7 @@ class ProbableBackgroundSurface:
             if old is not None:
                 none = old.mesh.only(np.zeros(len(old.invalid), bool))
                 empty = Surface.new(none, self.words, old.camera, capture)
-                self.tracer.set(self._geometry(capture, static=False), empty)
+                self._changed[self._geometry(capture, static=False)] = empty
                 self.version += 1
 
     def move(self, capture: int, moved: Callable[[Mesh], F32]) -> None:
@@ -83,8 +84,13 @@ class ProbableBackgroundSurface:
                 compact.marks[:] = surface.marks[valid]
 
     def commit(self) -> None:
-        """Makes changes of geometry take effect for rays."""
-        self.tracer.commit()
+        """Makes changes of geometry take effect for rays. The tracer changes here only, and while `lock` is held: other
+        threads that hold it may cast rays."""
+        with self.lock:
+            for geometry, surface in self._changed.items():
+                self.tracer.set(geometry, surface)
+            self._changed.clear()
+            self.tracer.commit()
 
     def surfaces(self) -> Iterator[Surface]:
         """All surfaces of the S-PBS, then of the P-PBS."""

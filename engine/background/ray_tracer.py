@@ -6,13 +6,14 @@ kernels that call Embree; a tracer on a GPU would run its programs there.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..geometry.embree import MarkQuery, RayScene, intersect_address, occluded_address
-from ..kernels.background import complementary_rays, culling, hidden, pbi, triangle_filter
+from ..geometry.embree import MarkQuery, RayScene, intersect_address, occluded_address, point_query_address
+from ..kernels.background import complementary_rays, culling, hidden, near, pbi, query_rays, triangle_filter
 from ..kernels.background.picture import Picture
+from ..kernels.background.queried import Found, Queried
 from ..kernels.background.rays import Tracer
 from ..kernels.background.surfaces import (
     CAMERA,
@@ -25,10 +26,11 @@ from ..kernels.background.surfaces import (
     UV,
     WORDS,
 )
+from ..kernels.base.callbacks import Callback
 from ..kernels.base.memory import address_of
 from ..kernels.base.tolerance import Delta
 from ..rig.frame import View
-from ..support.array_types import F64, I64, U8
+from ..support.array_types import F64, I32, I64, U8
 from .capture import Capture, Captures, Present
 from .surface import Surface
 
@@ -86,6 +88,45 @@ class RayTracer(Protocol):
     ) -> int:
         """Fills a view with the background as its camera sees it (section 3.4.1; `kernels.background.pbi`)."""
 
+    def surface(self, geometry: int) -> Surface:
+        """The surface under a number, as rays meet it since the last commit."""
+
+    def cast_rays(self, asked: Asked, rays: Rays, which: int, found: Found) -> None:
+        """Casts rays and writes the hit of each that is the nearest or the farthest (`which`:
+        `kernels.background.query_rays`)."""
+
+    def mark_free(self, asked: Asked, rays: Rays, free: U8) -> None:
+        """Sets free [n] to 1 where rays hit nothing, else to 0."""
+
+    def find_closest(self, asked: Asked, points: F64, within: F64, found: Found) -> None:
+        """Finds the place on valid triangles that is nearest to each point [n, 3], metres in the world, and less than
+        `within` [n] metres away."""
+
+    def count_touched(self, asked: Asked, centres: F64, radii: F64, counts: I32, triangles: I32) -> None:
+        """Counts the valid triangles that spheres touch: centres [n, 3], metres in the world; radii [n], metres; counts
+        [n]. Lists of each the first ones that there is room for: triangles [n, room, 2], geometry and primitive."""
+
+
+class Rays(NamedTuple):
+    """Rays: origins [n, 3], metres in the world; directions [n, 3], of any length; far [n], metres."""
+
+    origins: F64
+    directions: F64
+    far: F64
+
+    def part(self, which: slice) -> Rays:
+        """Some of them."""
+        return Rays(self.origins[which], self.directions[which], self.far[which])
+
+
+class Asked(NamedTuple):
+    """What the tracer does not know of the model that it is asked about: the scene's origin [3], metres in the world; a
+    table of sightings and the number of the newest frame (`kernels.background.queried`)."""
+
+    origin: F64
+    seen: I64
+    frame: int
+
 
 class EmbreeTracer:
     """Embree 4, by compiled kernels (`geometry.embree`, `kernels.background.rays`)."""
@@ -95,6 +136,8 @@ class EmbreeTracer:
         # Tables that kernels read (`kernels.background.surfaces`), one row per geometry.
         self._surfaces = np.zeros((0, SURFACE_SIZE), np.int64)
         self._marks = np.zeros((0, MARKS_SIZE), np.int64)
+        self._invalid = np.zeros(0, np.int64)  # addresses of flags
+        self._kept: dict[int, Surface] = {}  # the tables have addresses of their arrays
         self.packed = Tracer(intersect_address(), occluded_address(), self._scene.address, np.zeros((2, 3)))
 
     @property
@@ -109,10 +152,13 @@ class EmbreeTracer:
         if missing := max(geometry + 1 - len(self._surfaces), 0):
             self._surfaces = np.pad(self._surfaces, ((0, missing), (0, 0)))
             self._marks = np.pad(self._marks, ((0, missing), (0, 0)))
+            self._invalid = np.pad(self._invalid, (0, missing))
         self._marks[geometry, [MARKS, WORDS]] = address_of(marks), marks.strides[0] // marks.itemsize
         for column, array in ((TRIANGLES, mesh.triangles), (UV, mesh.uv), (POINTS, mesh.points)):
             self._surfaces[geometry, column] = address_of(array)
         self._surfaces[geometry, [CAMERA, CAPTURE]] = surface.camera, surface.capture
+        self._invalid[geometry] = address_of(surface.invalid)
+        self._kept[geometry] = surface
 
     def commit(self) -> None:
         """See `RayTracer`."""
@@ -176,3 +222,30 @@ class EmbreeTracer:
                 self.packed, packed, coding, tables, present.packed(), delta, sparse, wanted, picture
             )
         )
+
+    def surface(self, geometry: int) -> Surface:
+        """See `RayTracer`."""
+        return self._kept[geometry]
+
+    def _queried(self, asked: Asked) -> Queried:
+        return Queried(self._surfaces, self._invalid, asked.seen, asked.origin, asked.frame)
+
+    def _near(self, taken: Callback) -> near.Near:
+        return near.Near(point_query_address(), self._scene.address, taken.address)
+
+    def cast_rays(self, asked: Asked, rays: Rays, which: int, found: Found) -> None:
+        """See `RayTracer`."""
+        query_rays.cast_rays(self.packed, self._queried(asked), which, *rays, found)
+
+    def mark_free(self, asked: Asked, rays: Rays, free: U8) -> None:
+        """See `RayTracer`."""
+        query_rays.mark_free(self.packed, asked.origin, *rays, free)
+
+    def find_closest(self, asked: Asked, points: F64, within: F64, found: Found) -> None:
+        """See `RayTracer`."""
+        near.find_closest(self._near(near.take_nearer), self._queried(asked), points, within, found)
+
+    def count_touched(self, asked: Asked, centres: F64, radii: F64, counts: I32, triangles: I32) -> None:
+        """See `RayTracer`."""
+        taken, room = self._near(near.take_touched), triangles.shape[1]
+        near.count_touched(taken, self._queried(asked), centres, radii, counts, address_of(triangles), room)

@@ -29,7 +29,7 @@ from ..kernels.background.embree_callbacks import (
 from ..kernels.base.memory import address_of
 from ..support.runtime import thread_count
 
-__all__ = ["EmbreeError", "MarkQuery", "RayScene", "intersect_address", "occluded_address"]
+__all__ = ["EmbreeError", "MarkQuery", "RayScene", "intersect_address", "occluded_address", "point_query_address"]
 
 _INDEX, _VERTEX, _UINT3, _FLOAT3 = 0, 1, 0x5003, 0x9003
 _LOW = 0  # build quality: it builds in a fifth of the time of the next better one, and rays take a tenth longer
@@ -97,6 +97,11 @@ def intersect_address() -> int:
 def occluded_address() -> int:
     """The address of rtcOccluded1, as `kernels.background.rays.is_free` takes it."""
     return int(ctypes.cast(_library().rtcOccluded1, ctypes.c_void_p).value or 0)
+
+
+def point_query_address() -> int:
+    """The address of rtcPointQuery, as `kernels.background.point_query.point_query` takes it."""
+    return int(ctypes.cast(_library().rtcPointQuery, ctypes.c_void_p).value or 0)
 
 
 class RayScene:

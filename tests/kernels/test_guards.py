@@ -192,6 +192,7 @@ def test_the_engine_stays_within_all_of_its_arrays(child):
     assert counts["rays"] > 24 * 500
     assert counts["mesh"] > 24 * 50
     assert counts["pages"] >= 24 * 0.9
+    assert counts["found"] > 24 * 20
 
 
 def test_the_background_stays_within_its_arrays_when_it_is_uncovered(child):
@@ -246,8 +247,11 @@ COVERED = {
     "background/culling": ("pipeline",),
     "background/exposure": ("pipeline",),
     "background/hidden": ("pipeline",),
+    "background/near": ("pipeline",),
     "background/parts": ("walking",),
     "background/pbi": ("pipeline", "walking"),
+    "background/queried": ("pipeline",),
+    "background/query_rays": ("pipeline",),
     "background/seeding": ("pipeline",),
     "background/seen_past": ("walking",),
     "background/texture_pages": ("pipeline",),
@@ -272,11 +276,12 @@ INSIDE = {
         "background/triangle_filter",
     ),
     "background/standing": ("background/hidden", "background/pbi"),
+    "background/triangles": ("background/near", "background/pbi", "background/queried"),
     "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangle_words"),
     "base/sight": ("background/seeding", "background/seen_past", "background/standing", "rendering/backdrop"),
     "base/memory": (
-        "background/captures", "background/complementary_rays", "background/parts", "background/pbi",
-        "background/texture_pages",
+        "background/captures", "background/complementary_rays", "background/parts", "background/texture_pages",
+        "background/triangles",
         "background/uncovered", "rendering/backdrop", "rendering/blocks", "rendering/shade", "rendering/sorting",
     ),
     "geometry/rims": ("geometry/triangulate",),
@@ -291,10 +296,15 @@ INSIDE = {
 }
 # A measure by rays, which read only memory that other rays read, too; callbacks, which Embree calls instead of the
 # engine, in every case that casts rays; and modules for uncompiled runs.
-ASIDE = {"evaluation/leaks", "background/embree_callbacks", "background/intersect_numpy", "base/live_arrays"}
+ASIDE = {
+    "evaluation/leaks", "background/embree_callbacks", "background/intersect_numpy", "background/point_query_numpy",
+    "base/live_arrays",
+}  # fmt: skip
 MEMORY = {"intersect", "lanes", "memory"}  # modules that read and write at addresses
 # Modules that take addresses from others.
-THROUGH = {"cells", "lens", "look", "present", "rays", "sight", "strips", "standing", "texels", "winner_colour"}
+THROUGH = {
+    "cells", "lens", "look", "present", "rays", "sight", "strips", "standing", "texels", "triangles", "winner_colour",
+}  # fmt: skip
 
 
 @functools.cache

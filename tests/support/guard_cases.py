@@ -22,6 +22,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from farside.engine.background.coverage import Coverage
 from farside.engine.background.maximum_depth import MaximumDepthImage
+from farside.engine.background.model import BackgroundModel
 from farside.engine.background.seed_files import seed_of
 from farside.engine.background.state_check import check_model
 from farside.engine.background.tolerances import Tolerances
@@ -364,7 +365,21 @@ def play(rng: Rng, engine: engine_module.Engine, video: list[Frame]) -> Counts:
     if engine.model is not None:
         counts["mesh"] = len(engine.mesh().vertices)
         counts["pages"] = len(engine.textured_mesh().parts)
+        counts["found"] = ask(rng, engine.model)
     return counts
+
+
+def ask(rng: Rng, model: BackgroundModel) -> float:
+    """Questions about a model from in and around the room; returns how much was found."""
+    queries, count = model.queries, int(rng.choice([1, 63, 64, 65, 130]))
+    places, ways = rng.uniform(-6, 6, (count, 3)), rng.normal(size=(count, 3))
+    ways[:: 3, rng.integers(3)] = 0.0
+    reach = rng.choice([0.01, 1.0, 30.0, math.inf], count)
+    found = [queries.cast_rays(places, ways, reach, farthest=bool(rng.integers(2)))]
+    found.append(queries.closest_points(places, reach))
+    free = queries.are_free(places, ways, reach)
+    touched = queries.overlaps(places, np.minimum(reach, 20.0), listed=int(rng.integers(0, 9)))
+    return float(sum(hits.hit.sum() for hits in found) + (~free).sum() + (touched.counts > 0).sum())
 
 
 def pipeline(rng: Rng, flush: str) -> Counts:

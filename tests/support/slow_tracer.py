@@ -6,15 +6,20 @@ kernels that call Embree. For perspective cameras only.
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 from farside.engine.kernels.background.complementary_rays import OFFSETS
 from farside.engine.kernels.background.culling import SAMPLES, SMALL_PX
 from farside.engine.kernels.background.flags import KEPT, UPDATED
 from farside.engine.kernels.background.hidden import CELL
+from farside.engine.kernels.background.queried import COLUMNS, ROWS, STAMPS, STEP
+from farside.engine.kernels.background.query_rays import NEAREST
 from farside.engine.kernels.background.triangle_filter import ACCEPTED, CANDIDATES, CHANGED, COUNTS_SIZE, LONE, RAYS
 from farside.engine.kernels.base.view_table import EDGE
 from farside.engine.support.packed import CX, CY, FX, FY, HEIGHT, POSITION, ROTATION, WIDTH
 from oracle import standing
+from oracle.closest import closest_places
 from oracle.rays import delta_at, hit_distances
 
 
@@ -184,3 +189,60 @@ class SlowTracer:
             colour = np.rint(captures.colours(surface.capture, uv[None])[0])
             texture.y[y, x], texture.cb[y // 2, x // 2], texture.cr[y // 2, x // 2] = colour
         return view.codes.size
+
+    def surface(self, geometry):
+        return self._surfaces[geometry]
+
+    def _found(self, asked, k, distance, point, surface, triangle, back, found):
+        """Writes answer k: a place, relative to the scene origin, on a triangle of a surface."""
+        corners = surface.mesh.triangles[triangle]
+        a, b, c = surface.mesh.points[corners].astype(float)
+        normal = np.cross(b - a, c - a)
+        normal *= np.sign(normal @ back) / np.linalg.norm(normal)
+        found.distances[k], found.points[k], found.normals[k] = distance, point + asked.origin, normal
+        found.ages[k] = -1
+        if surface.capture < len(asked.seen) and asked.seen[surface.capture, STAMPS]:
+            weights = np.linalg.lstsq(np.array([b - a, c - a]).T, point - a, rcond=None)[0]
+            u, v = np.array([1 - weights.sum(), *weights]) @ surface.mesh.uv[corners]
+            rows, columns = asked.seen[surface.capture, [ROWS, COLUMNS]].tolist()
+            stamps = np.ctypeslib.as_array(
+                (ctypes.c_int32 * (rows * columns)).from_address(int(asked.seen[surface.capture, STAMPS]))
+            ).reshape(rows, columns)
+            stamp = stamps[min(max(int(v // STEP), 0), rows - 1), min(max(int(u // STEP), 0), columns - 1)]
+            found.ages[k] = max(asked.frame - stamp, 0) if stamp else -1
+
+    def cast_rays(self, asked, rays, which, found):
+        for k in range(len(rays.far)):
+            start, way = rays.origins[k] - asked.origin, rays.directions[k] / np.linalg.norm(rays.directions[k])
+            hits = [hit for hit in self._hits(start, way) if hit[0] <= rays.far[k]]
+            if hits:
+                t, surface, triangle = hits[0 if which == NEAREST else -1]
+                self._found(asked, k, t, start + t * way, surface, triangle, -way, found)
+
+    def mark_free(self, asked, rays, free):
+        for k in range(len(rays.far)):
+            start, way = rays.origins[k] - asked.origin, rays.directions[k] / np.linalg.norm(rays.directions[k])
+            free[k] = all(hit[0] > rays.far[k] for hit in self._hits(start, way))
+
+    def _distances(self, point):
+        """(distance, place, geometry, triangle) for all valid triangles, nearest first."""
+        near = []
+        for geometry, surface in self._surfaces.items():
+            places = closest_places(point, surface.mesh.points[surface.mesh.triangles].astype(float))
+            distances = np.linalg.norm(places - point, axis=1)
+            near += [(distances[i], places[i], geometry, i) for i in np.flatnonzero(surface.invalid == 0)]
+        return sorted(near, key=lambda each: each[0])
+
+    def find_closest(self, asked, points, within, found):
+        for k, point in enumerate(points - asked.origin):
+            near = self._distances(point)
+            if near and near[0][0] < within[k]:
+                distance, place, geometry, i = near[0]
+                self._found(asked, k, distance, place, self._surfaces[geometry], i, point - place, found)
+
+    def count_touched(self, asked, centres, radii, counts, triangles):
+        for k, centre in enumerate(centres - asked.origin):
+            touched = [(geometry, i) for distance, _, geometry, i in self._distances(centre) if distance <= radii[k]]
+            counts[k] = len(touched)
+            listed = touched[: triangles.shape[1]]
+            triangles[k, : len(listed)] = np.reshape(listed, (-1, 2))

@@ -184,6 +184,33 @@ def hidden() -> Named:
     yield "invalid", wall.invalid
 
 
+def asked() -> Named:
+    """What rays hit, what is near points and what spheres touch, in a room with a box that comes and goes."""
+    video = [
+        Frame(index, tuple(seen_by(camera, index, box_y, 0.0) for camera in CAMERAS))
+        for index, box_y in enumerate((None, 0.2, 0.4))
+    ]
+    settings = VARIANTS["standing"]
+    model = BackgroundModel(CAMERAS, settings, Scene.of(CAMERAS, settings, video[0]))
+    for seen in video:
+        model.update(seen)
+    rng = np.random.default_rng(5)
+    starts, ways = rng.uniform((-0.5, -1, -1), (3, 1, 1), (40, 3)), rng.normal((1.0, 0.0, 0.0), 0.6, (40, 3))
+    for name, hits in (
+        ("nearest", model.queries.cast_rays(starts, ways)),
+        ("farthest", model.queries.cast_rays(starts, ways, 3.0, farthest=True)),
+        ("closest", model.queries.closest_points(starts, 2.5)),
+    ):
+        assert hits.hit.sum() > 5
+        yield from ((f"{name} {field}", getattr(hits, field)) for field in ("distances", "points", "ages"))
+        yield f"{name} sides", np.abs(hits.normals) > 0.5
+    yield "free", model.queries.are_free(starts, ways, 2.0)
+    touched = model.queries.overlaps(starts, 1.5, listed=1)
+    assert touched.counts.max() > 1
+    yield "touched", touched.counts
+    yield "corners", np.isfinite(touched.corners)
+
+
 def uncovered() -> Named:
     """Where eyes may see past views that are drawn."""
     cameras = camera_row(2, (160, 106))
@@ -229,4 +256,4 @@ def rays() -> Named:
     yield "distances", distances
 
 
-CASES = (models, walks, hidden, uncovered, tones, rays)
+CASES = (models, walks, hidden, asked, uncovered, tones, rays)

@@ -11,14 +11,14 @@ import numpy as np
 from ...support.array_types import F64, I64, U8, U16
 from ...support.packed import Coding
 from ..base.jit import inlined, parallel, serial
-from ..base.memory import load_f32, load_u32
 from ..base.project import unproject_point
 from ..base.tolerance import Delta
 from .captures import REACH, SCATTERED, WIDTH, chroma_at, luma_at
 from .picture import Picture
 from .rays import Tracer, farthest_hit
 from .standing import Present, standing_hit
-from .surfaces import CAPTURE, POINTS, TRIANGLES, UV
+from .surfaces import CAPTURE
+from .triangles import corners_of, place_in_picture, point_of
 from .uncovered import CELL
 
 __all__ = ["Tables", "render_pbi"]
@@ -35,31 +35,6 @@ class Tables(NamedTuple):
 
     surfaces: I64
     captures: I64
-
-
-@inlined
-def _corners(surface: I64, primitive: int) -> tuple[int, int, int]:
-    """The numbers of a triangle's points."""
-    triangles, first = surface[TRIANGLES], 3 * primitive
-    return load_u32(triangles, first), load_u32(triangles, first + 1), load_u32(triangles, first + 2)
-
-
-@inlined
-def _point(surface: I64, number: int) -> tuple[float, float, float]:
-    """A point of a surface."""
-    points = surface[POINTS]
-    return load_f32(points, 3 * number), load_f32(points, 3 * number + 1), load_f32(points, 3 * number + 2)
-
-
-@serial
-def _hit_uv(surface: I64, primitive: int, hu: float, hv: float) -> tuple[float, float]:
-    """Picture coordinates at a triangle's barycentric (hu, hv)."""
-    a, b, c = _corners(surface, primitive)
-    uv, wa = surface[UV], 1.0 - hu - hv
-    return (
-        wa * load_f32(uv, 2 * a) + hu * load_f32(uv, 2 * b) + hv * load_f32(uv, 2 * c),
-        wa * load_f32(uv, 2 * a + 1) + hu * load_f32(uv, 2 * b + 1) + hv * load_f32(uv, 2 * c + 1),
-    )
 
 
 @serial
@@ -79,7 +54,7 @@ def _cast(
         hits[k, _DISPARITY], hits[k, _CAPTURE] = 0.0, -1.0
         return rays
     hits[k, _DISPARITY], hits[k, _DISTANCE] = length / distance, distance
-    hits[k, _U], hits[k, _V] = _hit_uv(surfaces[geometry], primitive, hu, hv)
+    hits[k, _U], hits[k, _V] = place_in_picture(surfaces[geometry], primitive, hu, hv)
     hits[k, _CAPTURE], hits[k, _GEOMETRY], hits[k, _PRIMITIVE] = surfaces[geometry, CAPTURE], geometry, primitive
     return rays
 
@@ -109,10 +84,10 @@ def _on_plane(tables: Tables, camera: F64, hits: F64, a: int, b: int, x: int, y:
     if tables.captures[int(hits[a, _CAPTURE]), SCATTERED] != 0:
         return False
     surface = tables.surfaces[int(hits[a, _GEOMETRY])]
-    p, q, r = _corners(surface, int(hits[a, _PRIMITIVE]))
-    px, py, pz = _point(surface, p)
-    qx, qy, qz = _point(surface, q)
-    rx, ry, rz = _point(surface, r)
+    p, q, r = corners_of(surface, int(hits[a, _PRIMITIVE]))
+    px, py, pz = point_of(surface, p)
+    qx, qy, qz = point_of(surface, q)
+    rx, ry, rz = point_of(surface, r)
     ex, ey, ez, fx, fy, fz = qx - px, qy - py, qz - pz, rx - px, ry - py, rz - pz
     nx, ny, nz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
     bx, by, bz = unproject_point(camera, x + 0.5, y + 0.5, 1.0 / hits[b, _DISPARITY])
