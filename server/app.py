@@ -35,6 +35,7 @@ from .ingest import serve_source
 from .origins import OriginCheck
 from .poses import serve_viewer
 from .protocol import MAX_CONTROL_BYTES
+from .queries import answer_query
 from .root_path import RootPath
 from .service import Service
 from .settings import ServerSettings
@@ -43,7 +44,7 @@ __all__ = ["create_app", "make_server"]
 
 PAGE = Path(str(files("farside.server"))) / "page"
 READ = ["GET", "HEAD"]  # health checks ask by HEAD
-METHODS, HEADERS = [*READ, "PUT", "DELETE"], ["authorization", "content-type"]  # of pages of other origins
+METHODS, HEADERS = [*READ, "POST", "PUT", "DELETE"], ["authorization", "content-type"]  # of pages of other origins
 
 
 def create_app(
@@ -153,17 +154,25 @@ def _add_http(app: FastAPI) -> None:
 
     @app.api_route("/mesh.{format_name}", methods=READ)
     async def mesh(format_name: str, request: Request) -> Response:
-        if not _service(app).authorised(_token(request)):
-            raise HTTPException(401, "token: another: expected the server's token")
+        _check_token(app, request)
         if format_name not in MEDIA_TYPES:
             raise HTTPException(404, f"format: {format_name}: expected glb or ply")
         return await export_mesh(_service(app), format_name, request.query_params.get("colours"))
 
+    @app.post("/query")
+    async def query(request: Request) -> Response:
+        _check_token(app, request)
+        return await answer_query(_service(app), request)
+
+
+def _check_token(app: FastAPI, request: Request) -> None:
+    if not _service(app).authorised(_token(request)):
+        raise HTTPException(401, "token: another: expected the server's token")
+
 
 def _add_effects(app: FastAPI) -> None:
     def allowed(request: Request) -> None:
-        if not _service(app).authorised(_token(request)):
-            raise HTTPException(401, "token: another: expected the server's token")
+        _check_token(app, request)
 
     app.include_router(effect_router(lambda: _service(app)), dependencies=[Depends(allowed)])
 

@@ -62,8 +62,8 @@ class OriginCheck:
             return f"host: {host!r}: expected {expected}"
         if origin is None or "*" in self._origins or canonical(origin) in self._origins:
             return None
-        asks = scope["type"] == "http" and scope["method"] in _READING
-        if not asks and not _is_same(origin, host):
+        reads = scope["type"] == "http" and scope["method"] in _READING
+        if not reads and not _is_same(origin, host):
             return f"origin: {origin!r}: expected a page of {host!r} (--allow-origin adds others)"
         return None
 

@@ -73,7 +73,10 @@ OUTCOMES = ("updated", "dropped")
 MAX_FEATURES = 64
 MISSING_VIEWS = "missing_views"  # a source says which cameras have no picture in a frame
 EFFECTS = "effects"  # a viewer adds, moves and removes 3D effects
-FEATURES: dict[str, tuple[str, ...]] = {"source": (MISSING_VIEWS,), "viewer": (EFFECTS,)}  # of this program, by role
+QUERIES = "queries"  # the server answers POST /query
+FEATURES: dict[str, tuple[str, ...]] = {  # of this program, by role
+    "source": (MISSING_VIEWS, QUERIES), "viewer": (EFFECTS, QUERIES)
+}  # fmt: skip
 
 Tangents = tuple[float, float, float, float]  # left, right, top, bottom; positive outwards
 

@@ -123,6 +123,8 @@ class ServerSettings(BaseModel):
     render_workers: Annotated[int, _count(1, "a number of threads from 1 to 64", 64)] = 2
     max_viewers: Annotated[int, _count(1, "a number of viewers, 1 or more")] = 8
     max_message_bytes: Annotated[int, _count(1 << 16, "bytes, 65536 or more", 1 << 40)] = MAX_MESSAGE_BYTES
+    max_queries: Annotated[int, _count(1, "a number of rays, points or spheres in a request, 1 or more")] = 1 << 18
+    max_query_bytes: Annotated[int, _count(1 << 10, "bytes, 1024 or more", 1 << 30)] = 16 << 20
     hello_timeout_s: Annotated[float, _seconds("the time for a client's hello")] = 10.0
     shutdown_timeout_s: Annotated[float, _seconds("the time after a signal until the engine is killed")] = 1.5
     log_level: Annotated[

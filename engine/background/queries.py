@@ -12,61 +12,24 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from ..kernels.background.queried import Found
 from ..kernels.background.query_rays import FARTHEST, NEAREST
-from ..support.array_types import B1, F32, F64, I32, U8
+from ..rig.questions import Hits, NoModelError, Points, Rays, Spheres, Touched
+from ..support.array_types import B1, F64, I32, U8
 from .pbs import ProbableBackgroundSurface
-from .ray_tracer import Asked, Rays, RayTracer
+from .ray_tracer import Asked, RayTracer
 from .sightings import Sightings
 
-__all__ = ["LARGEST", "Hits", "ModelQueries", "NoModelError", "Touched"]
+__all__ = ["ModelQueries"]
 
-LARGEST = 1e6  # metres, of coordinates; what is farther from the origin cannot be told apart
-_MOST_LISTED = 64  # triangles of a sphere
-_PART = 1 << 16  # questions that are answered while the model waits
+# Questions that are answered while the model waits: some tens of milliseconds.
+_RAYS, _POINTS, _SPHERES = 1 << 15, 1 << 11, 1 << 8
 _TURN_S = 1e-4  # in which a thread that waits for the model gets it
 _Ask = Callable[[RayTracer, Asked, slice], None]
-
-
-class NoModelError(ValueError):
-    """There is no model yet that could be asked."""
-
-
-@dataclass(frozen=True, slots=True)
-class Hits:
-    """What was found, for each ray or point: distances float32 [n], metres (infinity: nothing); points float64 [n, 3],
-    metres in the world, and unit normals float32 [n, 3] on the side that the ray or point is on (NaN: nothing).
-
-    ages int32 [n]: how many frames ago the reference camera that the surface stems from last saw it there (0: in the
-    newest frame), see `sightings`; -1: nobody knows, or nothing was found. frame: the number of frames that the model
-    has taken.
-    """
-
-    distances: F32
-    points: F64
-    normals: F32
-    ages: I32
-    frame: int
-
-    @property
-    def hit(self) -> B1:  # [n]
-        """Whether anything was found."""
-        return np.isfinite(self.distances)
-
-
-@dataclass(frozen=True, slots=True)
-class Touched:
-    """How many triangles each sphere touches, counts int32 [n], and the corners of the first ones, float64 [n, room, 3,
-    3], metres in the world (NaN: there are no more), in no order. frame: as in `Hits`."""
-
-    counts: I32
-    corners: F64
-    frame: int
 
 
 class ModelQueries:
@@ -87,20 +50,20 @@ class ModelQueries:
 
         origins [n, 3]; directions [n, 3], of any length but 0; far: how far rays go, one number above 0 or [n].
         """
-        rays = _rays(origins, directions, far)
+        rays = Rays.of(origins, directions, far)
         found, which = _found(len(rays.far)), FARTHEST if farthest else NEAREST
         frame = self._in_parts(
-            len(rays.far),
+            len(rays.far), _RAYS,
             lambda tracer, asked, part: tracer.cast_rays(asked, rays.part(part), which, _part(found, part)),
-        )
+        )  # fmt: skip
         return Hits(*found, frame)
 
     def are_free(self, origins: npt.ArrayLike, directions: npt.ArrayLike, far: npt.ArrayLike = math.inf) -> B1:
         """Whether rays hit nothing, [n]; faster than to ask what they hit. Rays as in `cast_rays`."""
-        rays = _rays(origins, directions, far)
+        rays = Rays.of(origins, directions, far)
         free: U8 = np.zeros(len(rays.far), np.uint8)
         self._in_parts(
-            len(rays.far), lambda tracer, asked, part: tracer.mark_free(asked, rays.part(part), free[part])
+            len(rays.far), _RAYS, lambda tracer, asked, part: tracer.mark_free(asked, rays.part(part), free[part])
         )
         return free.astype(bool)
 
@@ -109,24 +72,21 @@ class ModelQueries:
 
         within: only what is nearer than this counts, metres, one number above 0 or [n].
         """
-        at = _places("points", points)
-        limits, found = _lengths("within", within, len(at), least=0.0), _found(len(at))
+        at, limits = Points.of(points, within)
+        found = _found(len(at))
         frame = self._in_parts(
-            len(at),
+            len(at), _POINTS,
             lambda tracer, asked, part: tracer.find_closest(asked, at[part], limits[part], _part(found, part)),
-        )
+        )  # fmt: skip
         return Hits(*found, frame)
 
     def overlaps(self, centres: npt.ArrayLike, radii: npt.ArrayLike, *, listed: int = 0) -> Touched:
         """The triangles that spheres touch.
 
         centres [n, 3]; radii: metres, above 0 and finite, one number or [n]; listed: of how many triangles of each
-        sphere the corners are wanted, at most 64.
+        sphere the corners are wanted, at most 64. A sphere's count ends at 4096 (`kernels.background.near`).
         """
-        at = _places("centres", centres)
-        sizes = _lengths("radii", radii, len(at), least=0.0, most=LARGEST)
-        if not 0 <= listed <= _MOST_LISTED:
-            raise ValueError(f"listed: {listed!r}: expected 0 to {_MOST_LISTED}")
+        at, sizes, listed = Spheres.of(centres, radii, listed)
         counts: I32 = np.zeros(len(at), np.int32)
         corners: F64 = np.full((len(at), listed, 3, 3), np.nan)
 
@@ -135,13 +95,13 @@ class ModelQueries:
             tracer.count_touched(asked, at[part], sizes[part], counts[part], triangles)
             _write_corners(tracer, self._origin, triangles, corners[part])
 
-        return Touched(counts, corners, self._in_parts(len(at), count))
+        return Touched(counts, corners, self._in_parts(len(at), _SPHERES, count))
 
-    def _in_parts(self, count: int, ask: _Ask) -> int:
-        """Asks `count` questions, a part at a time; returns the number of the frame that the last answers are of."""
-        for start in range(0, max(count, 1), _PART):
+    def _in_parts(self, count: int, size: int, ask: _Ask) -> int:
+        """Asks `count` questions, `size` at a time; returns the number of the frame that the last answers are of."""
+        for start in range(0, max(count, 1), size):
             with self._held(start > 0) as (tracer, asked):
-                ask(tracer, asked, slice(start, min(start + _PART, count)))
+                ask(tracer, asked, slice(start, min(start + size, count)))
         return asked.frame
 
     @contextmanager
@@ -173,58 +133,3 @@ def _write_corners(tracer: RayTracer, origin: F64, triangles: I32, corners: F64)
             corners[which] = mesh.points[mesh.triangles[triangles[which][:, 1]]] + origin
 
 
-def _rays(origins: npt.ArrayLike, directions: npt.ArrayLike, far: npt.ArrayLike) -> Rays:
-    starts, ways = _places("origins", origins), _array("directions", directions)
-    if ways.shape != starts.shape:
-        raise ValueError(f"directions: {list(ways.shape)}: expected {list(starts.shape)}, as many as origins")
-    squares = np.einsum("ij,ij->i", ways, ways)
-    bad = ~((squares > 1e-200) & (squares < 1e200))
-    if bad.any():
-        raise ValueError(f"directions: {_first(ways, bad)}: expected finite numbers, not all 0")
-    return Rays(starts, ways, _lengths("far", far, len(starts), least=0.0))
-
-
-def _array(name: str, given: npt.ArrayLike) -> F64:
-    """An array [n, 3] of numbers."""
-    try:
-        array: F64 = np.ascontiguousarray(given, np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: {type(given).__name__}: expected numbers [n, 3]") from error
-    if array.size == 0 and array.ndim == 1:
-        return np.empty((0, 3))
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise ValueError(f"{name}: {list(array.shape)}: expected [n, 3]")
-    return array
-
-
-def _places(name: str, given: npt.ArrayLike) -> F64:
-    array = _array(name, given)
-    bad: B1 = ~np.all(np.abs(array) <= LARGEST, axis=1)
-    if bad.any():
-        raise ValueError(f"{name}: {_first(array, bad)}: expected metres from {-LARGEST:g} to {LARGEST:g}")
-    return array
-
-
-def _lengths(name: str, given: npt.ArrayLike, count: int, least: float, most: float = math.inf) -> F64:
-    """Lengths [n] above `least` from one number or [n]."""
-    try:
-        array = np.asarray(given, np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: {type(given).__name__}: expected numbers") from error
-    if array.shape not in ((), (count,)):
-        raise ValueError(f"{name}: {list(array.shape)}: expected one number or [{count}]")
-    bad = ~((array > least) & (array <= most))
-    if bad.any():
-        value = float(array.reshape(-1)[np.flatnonzero(bad)[0]])
-        raise ValueError(f"{name}: {value!r}: expected metres above {least:g}" + _at_most(most))
-    return np.ascontiguousarray(np.broadcast_to(array, (count,)))
-
-
-def _at_most(most: float) -> str:
-    return f" and at most {most:g}" if math.isfinite(most) else ""
-
-
-def _first(array: F64, bad: B1) -> str:
-    """The first row that is bad, and which it is."""
-    index = int(np.flatnonzero(bad)[0])
-    return f"[{index}] = {array[index].tolist()}"

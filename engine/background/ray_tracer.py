@@ -30,6 +30,7 @@ from ..kernels.base.callbacks import Callback
 from ..kernels.base.memory import address_of
 from ..kernels.base.tolerance import Delta
 from ..rig.frame import View
+from ..rig.questions import Rays
 from ..support.array_types import F64, I32, I64, U8
 from .capture import Capture, Captures, Present
 from .surface import Surface
@@ -105,18 +106,6 @@ class RayTracer(Protocol):
     def count_touched(self, asked: Asked, centres: F64, radii: F64, counts: I32, triangles: I32) -> None:
         """Counts the valid triangles that spheres touch: centres [n, 3], metres in the world; radii [n], metres; counts
         [n]. Lists of each the first ones that there is room for: triangles [n, room, 2], geometry and primitive."""
-
-
-class Rays(NamedTuple):
-    """Rays: origins [n, 3], metres in the world; directions [n, 3], of any length; far [n], metres."""
-
-    origins: F64
-    directions: F64
-    far: F64
-
-    def part(self, which: slice) -> Rays:
-        """Some of them."""
-        return Rays(self.origins[which], self.directions[which], self.far[which])
 
 
 class Asked(NamedTuple):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..rig.camera import Camera
 from ..rig.effects import Effect
 from ..rig.frame import Fault, Frame
+from ..rig.questions import Hits, NoModelError, Touched
 from ..rig.viewer import EncodedPair, StereoView
 from ..settings import Settings
 from ..support.stages import Stages, timed
@@ -19,8 +20,10 @@ from .saving import ModelFiles, Saver
 if TYPE_CHECKING:
     from ..pipeline.engine import Engine
 
-__all__ = ["Core", "CoreLostError", "LocalCore", "Look", "Source", "Updated", "make_local_core"]
+__all__ = ["QUESTIONS", "Core", "CoreLostError", "LocalCore", "Look", "Source", "Updated", "make_local_core"]
 
+# Questions about the model, and the methods of `background.queries.ModelQueries` that answer them.
+QUESTIONS = {"rays": "cast_rays", "free": "are_free", "closest": "closest_points", "overlaps": "overlaps"}
 Look = Callable[[], Mapping[str, StereoView]]  # returns the present views of all viewers; called in any thread
 
 
@@ -89,6 +92,13 @@ class Core(Protocol):
         Raises ValueError for other formats or colours, and if there is no model yet.
         """
 
+    def query(self, question: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """The answer, arrays and numbers by name, to one of QUESTIONS about the background model, with the arguments
+        and results of the method of `background.queries.ModelQueries` that it stands for.
+
+        Raises NoModelError if there is no model yet, and ValueError for arguments that the method refuses.
+        """
+
     def close(self) -> None:
         """End the core, and save its model if it is to be saved; no method is called after this."""
 
@@ -141,6 +151,16 @@ class LocalCore:
     def mesh(self, file_format: str, colours: str | None = None) -> bytes:
         """The background model as a file (`Engine.export`)."""
         return self._engine.export(file_format, colours)
+
+    def query(self, question: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """The answer to a question about the background model."""
+        model = self._engine.model
+        if model is None:
+            raise NoModelError("model: there is none before the first frame: expected a source to be playing")
+        answer = getattr(model.queries, QUESTIONS[question])(**arguments)
+        if isinstance(answer, Hits | Touched):
+            return {item.name: getattr(answer, item.name) for item in fields(answer)}
+        return {"free": answer}
 
     def close(self) -> None:
         """Save the model, and end the engine's threads."""

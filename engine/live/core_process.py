@@ -121,6 +121,11 @@ class ProcessCore:
         data: bytes = self._ask(call, "mesh", file_format, colours)
         return data
 
+    def query(self, question: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """The answer to a question about the background model, found in that process."""
+        answer: dict[str, Any] = self._ask(call, "query", question, dict(arguments))
+        return answer
+
     def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
         """The result of `work(core, *arguments)` in that process: for inspection."""
         return self._ask(run, work, *arguments)

@@ -10,10 +10,12 @@ import pytest
 from farside.engine.background import queries
 from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbs import ProbableBackgroundSurface
-from farside.engine.background.queries import LARGEST, ModelQueries, NoModelError
+from farside.engine.background.queries import ModelQueries
 from farside.engine.background.sightings import Sightings
 from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.scene_scale import Scene
+from farside.engine.kernels.background import near
+from farside.engine.rig.questions import LARGEST, NoModelError
 from support.models import SETTINGS, model_of, sheets
 from support.rooms import BOX_X, WALL_X, camera_row, frame
 from support.slow_tracer import SlowTracer
@@ -62,7 +64,7 @@ def exits(starts, ways):
 
 @pytest.mark.parametrize("count", [1, 5000])
 def test_rays_in_a_box_hit_its_sides_where_they_leave_it(count, monkeypatch):
-    monkeypatch.setattr(queries, "_PART", 1500)
+    monkeypatch.setattr(queries, "_RAYS", 1500)
     room, _surfaces = asking(box_mesh(LOW, HIGH)[0])
     starts, ways = some_rays(count)
     hits = room.cast_rays(starts + ORIGIN, ways)
@@ -119,14 +121,14 @@ def test_what_is_culled_is_not_there():
 def test_the_nearest_place_in_a_box_is_the_foot_on_a_side():
     room, _surfaces = asking(box_mesh(LOW, HIGH)[0])
     starts, _ways = some_rays(500)
-    near = room.closest_points(starts + ORIGIN)
+    foot = room.closest_points(starts + ORIGIN)
     gaps = np.concatenate([starts - LOW, HIGH - starts], axis=1)
     side = gaps.argmin(axis=1)
-    np.testing.assert_allclose(near.distances, gaps.min(axis=1), rtol=1e-5, atol=2e-6)
+    np.testing.assert_allclose(foot.distances, gaps.min(axis=1), rtol=1e-5, atol=2e-6)
     expected = starts.copy()
     expected[np.arange(500), side % 3] = np.where(side < 3, LOW[side % 3], HIGH[side % 3])
-    np.testing.assert_allclose(near.points, expected + ORIGIN, rtol=0, atol=2e-5)
-    np.testing.assert_allclose(near.normals, np.where(side < 3, 1, -1)[:, None] * np.eye(3)[side % 3], atol=1e-6)
+    np.testing.assert_allclose(foot.points, expected + ORIGIN, rtol=0, atol=2e-5)
+    np.testing.assert_allclose(foot.normals, np.where(side < 3, 1, -1)[:, None] * np.eye(3)[side % 3], atol=1e-6)
     limited = room.closest_points(starts + ORIGIN, gaps.min(axis=1) + np.where(np.arange(500) % 2, 1e-4, -1e-4))
     np.testing.assert_array_equal(limited.hit, np.arange(500) % 2 == 1)
 
@@ -147,6 +149,17 @@ def test_spheres_touch_the_triangles_that_they_reach():
     assert everything.corners.shape == (1, 3, 3, 3)
     known = {tuple(np.round(triangle.ravel(), 3)) for triangle in mesh.points[mesh.triangles] + ORIGIN}
     assert {tuple(np.round(triangle.ravel(), 3)) for triangle in everything.corners[0]} <= known
+
+
+def test_a_count_ends_where_more_would_take_long():
+    y, z = np.meshgrid(np.linspace(-1, 1, 60), np.linspace(-1, 1, 60))
+    k = np.arange(3600).reshape(60, 60)
+    triangles = np.stack([k[:-1, :-1], k[:-1, 1:], k[1:, :-1], k[1:, 1:], k[:-1, 1:], k[1:, :-1]], -1).reshape(-1, 3)
+    points = np.stack([np.ones(3600), y.ravel(), z.ravel()], -1).astype(np.float32)
+    room, _surfaces = asking(Mesh(points, np.zeros((3600, 2), np.float32), triangles.astype(np.int32)))
+    counts = room.overlaps(ORIGIN + np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), [10.0, 0.5]).counts
+    assert counts[0] == near.MOST_COUNTED < len(triangles)
+    assert 1000 < counts[1] < 2500
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -283,7 +296,7 @@ START, WAY, NAN = [[0.0, 0.0, 0.0]], [[1.0, 0.0, 0.0]], math.nan
         (lambda room: room.closest_points([[0, 0, math.inf]]), r"points: \[0\] = .*: expected metres"),
         (lambda room: room.overlaps(START, math.inf), "radii: inf: expected metres above 0 and at most 1e"),
         (lambda room: room.overlaps(START, None), "radii: nan: expected metres above 0"),
-        (lambda room: room.overlaps(START, 1.0, listed=65), "listed: 65: expected 0 to 64"),
+        (lambda room: room.overlaps(START, 1.0, listed=65), "listed: 65: expected an integer from 0 to 64"),
         (lambda room: room.overlaps([[NAN] * 3], 1.0), r"centres: \[0\] = .*: expected metres"),
     ],
 )

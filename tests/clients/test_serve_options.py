@@ -49,6 +49,8 @@ WRONG: dict[str, tuple[list[str], str]] = {
     "render_workers": (["0", "65", "-1", "two"], "1 to 64"),
     "max_viewers": (["0", "-1", "2.5", "many"], "1 or more"),
     "max_message_bytes": (["0", "65535", "1e30", "1GB", str(1 << 64)], "65536 or more"),
+    "max_queries": (["0", "-1", "2.5", "many"], "1 or more"),
+    "max_query_bytes": (["0", "1023", "1e30", "1MB", str(1 << 31)], "1024 or more"),
     "hello_timeout_s": (["0", "-1", "nan", "inf", "1e9"], "seconds"),
     "shutdown_timeout_s": (["0", "-1", "nan", "inf", "1e9"], "seconds"),
     "log_level": (["loud", "INFO", "0"], "critical, error, warning, info or debug"),

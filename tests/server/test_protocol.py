@@ -557,6 +557,7 @@ def test_a_view_that_is_missing_needs_nothing_but_its_frame_and_camera() -> None
         (("missing_views", "depth_layers"), (), ("missing_views",)),
         (("depth_layers",), ("missing_views",), ("missing_views",)),
         (("missing_views",), ("missing_views",), ("missing_views",)),
+        (("queries",), ("missing_views",), ("missing_views", "queries")),
     ],
 )
 def test_features_that_both_sides_have_are_agreed_and_unknown_optional_ones_ignored(

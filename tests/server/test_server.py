@@ -414,13 +414,13 @@ RAW = {
         "none",
         [VIEWER_MAP | {"features": {"required": ["scenes"]}}],
         4410,
-        "features.required: scenes: expected none",
+        "features.required: scenes: expected one of queries",
     ),
     "a feature of the other role": (
         "none",
-        [VIEWER_MAP | {"features": {"optional": ["queries"], "required": ["missing_views"]}}],
+        [VIEWER_MAP | {"features": {"optional": ["scenes"], "required": ["missing_views"]}}],
         4410,
-        "features.required: missing_views: expected none",
+        "features.required: missing_views: expected one of queries",
     ),
     "features that are no map": ("none", [VIEWER_MAP | {"features": ["scenes"]}], 4400, "features: .*: expected a map"),
     "a feature that is no text": (

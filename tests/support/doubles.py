@@ -140,6 +140,9 @@ class FakeCore:
         part = TexturedPart(vertices, triangles, np.array([[1, 1], [7, 1], [1, 7]], np.float32), page)
         return to_file(TexturedMesh((part,)), file_format)
 
+    def query(self, question: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        return {"free": np.ones(len(arguments["origins"]), bool)}
+
     def close(self) -> None:
         self.closed = True
 

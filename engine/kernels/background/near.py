@@ -30,7 +30,7 @@ from .queried import Found, Queried, write_found
 from .surfaces import POINTS, SURFACE_SIZE, TRIANGLES
 from .triangles import corners_of, point_of
 
-__all__ = ["Near", "count_touched", "find_closest", "take_nearer", "take_touched"]
+__all__ = ["MOST_COUNTED", "Near", "count_touched", "find_closest", "take_nearer", "take_touched"]
 
 
 # The context of a search is int64 [_CONTEXT_SIZE]: addresses of the tables of surfaces (`surfaces`) and of flags
@@ -39,6 +39,7 @@ __all__ = ["Near", "count_touched", "find_closest", "take_nearer", "take_touched
 _SURFACES, _INVALID, _TRIANGLE, _COUNT, _LIST, _ROOM = range(6)
 _CONTEXT_SIZE = 6
 _RUN = 64  # searches that share a context
+MOST_COUNTED = 4096  # triangles of a sphere: one that holds the whole room takes no longer than this many
 
 
 @inlined
@@ -130,21 +131,25 @@ def take_nearer(arguments: int) -> int:
 
 @callback(types.uint8(types.intp))
 def take_touched(arguments: int) -> int:
-    """RTCPointQueryFunction: counts a triangle that lies within the radius, and lists it while there is room."""
+    """RTCPointQueryFunction: counts a triangle that lies within the radius, and lists it while there is room; ends the
+    search at MOST_COUNTED."""
     query, user = load_foreign_i64(arguments, QUERY), load_foreign_i64(arguments, USER)
     primitive, geometry = load_foreign_u32(arguments, PRIM_ID), load_foreign_u32(arguments, GEOM_ID)
     if not _is_there(user, geometry, primitive):
         return 0
     x, y, z, radius = read_query(query)
     reach = np.float64(radius) * np.float64(radius)
-    if _squared_distance(load_i64(user, _SURFACES), geometry, primitive, x, y, z) > reach:
+    if radius < 0.0 or _squared_distance(load_i64(user, _SURFACES), geometry, primitive, x, y, z) > reach:
         return 0
     count = load_i64(user, _COUNT)
     if count < load_i64(user, _ROOM):
         store_foreign_i32(load_i64(user, _LIST), 2 * count, numba.int32(geometry))
         store_foreign_i32(load_i64(user, _LIST), 2 * count + 1, numba.int32(primitive))
     add_i64_atomically(user, _COUNT, 1)
-    return 0
+    if count + 1 < MOST_COUNTED:
+        return 0
+    shrink_query(query, numba.float32(-1.0))
+    return 1
 
 
 class Near(NamedTuple):
@@ -201,9 +206,9 @@ def _write_closest(queried: Queried, triangle: int, x: float, y: float, z: float
 def count_touched(
     near: Near, queried: Queried, centres: F64, radii: F64, counts: I32, triangles: int, most: int
 ) -> None:
-    """The number of triangles that each sphere touches: centres [n, 3], metres in the world; radii [n], metres; counts
-    [n]. The first `most` of each are listed, in no order: triangles is the address of int32 [n, most, 2], geometry and
-    primitive."""
+    """The number of triangles that each sphere touches, at most MOST_COUNTED: centres [n, 3], metres in the world;
+    radii [n], metres; counts [n]. The first `most` of each are listed, in no order: triangles is the address of int32
+    [n, most, 2], geometry and primitive."""
     for run in numba.prange((centres.shape[0] + _RUN - 1) // _RUN):
         context = np.zeros(_CONTEXT_SIZE, np.int64)
         context[_SURFACES], context[_INVALID] = queried.surfaces.ctypes.data, queried.invalid.ctypes.data
