@@ -158,6 +158,12 @@ SECTIONS = (
         reports=True,
     ),
     Section(
+        "queries", "How many questions about the model are answered in a second?",
+        ("queries", "museum", "--scale", "0.25", *_BALANCED),
+        "Rays start anywhere among the cameras and go in all directions. The best of five runs; CPU time is of all "
+        "threads. By HTTP a request is packed beforehand, and its answer is not unpacked; no video plays meanwhile.",
+    ),
+    Section(
         "live", "How fast and steady is the live service, over localhost?",
         ("live", "{museum}", "--quality", "fast", "--size", "1280x1440"),
         "Server, replay and headset are a process each. Stalls of the event loop are shown with and without the time "
@@ -212,4 +218,5 @@ _TAKES = {
     "fill": ("--frames",),
     "spared": ("--scale", "--frames"),
     "moving": ("--frames",),
+    "queries": ("--frames",),
 }
