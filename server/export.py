@@ -30,7 +30,7 @@ async def export_mesh(service: Service, format_name: str, colours: str | None) -
     except ValueError as error:
         raise HTTPException(400, str(error)) from error
     try:
-        data = await service.live.mesh(format_name, colours)
+        data = await service.live.model.mesh(format_name, colours)
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
     headers = {"Content-Disposition": f'attachment; filename="background.{format_name}"'}

@@ -59,7 +59,7 @@ async def answer_query(service: Service, request: Request) -> Response:
     body = await _body(request, min(most, JSON_BYTES) if kind == JSON else most)
     try:
         question, arguments, floats = await asyncio.to_thread(_read, body, kind, service.settings.max_queries)
-        answer = await service.live.query(question, arguments)
+        answer = await service.live.model.query(question, arguments)
     except NoModelError as error:
         raise HTTPException(409, str(error)) from error
     except ValueError as error:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,9 @@ from ..kernels.geometry import changes as change_kernels
 from ..kernels.geometry import cuts as cut_kernels
 from ..kernels.geometry import splits as split_kernels
 from ..kernels.geometry import triangulate as kernels
-from ..kernels.geometry.records import BlockArrays, DepthMap, MeshArrays, Rays
-from ..rig.camera import Camera, Perspective, Projection
-from ..support.array_types import F64
+from ..kernels.geometry.records import BlockArrays, DepthMap, MeshArrays
+from ..rig.camera import Camera, Perspective
+from .half_pixels import half_pixel_rays
 from .mesh import Mesh
 
 __all__ = ["TriangulationOptions", "Triangulator", "depth_cuts", "triangulate"]
@@ -267,7 +266,7 @@ def _mesh(
     )
     mirrored = isinstance(projection, Perspective) and projection.fx * projection.fy < 0
     kernels.emit_triangles(
-        depth, arrays, parts, starts, camera.depth.packed(), _rays(camera, origin), 2 if mirrored else 1,
+        depth, arrays, parts, starts, camera.depth.packed(), half_pixel_rays(camera, origin), 2 if mirrored else 1,
         mesh, before.starts, MeshArrays(before.points, before.uv, before.triangles),
     )  # fmt: skip
     return Mesh(*mesh, starts)
@@ -276,25 +275,6 @@ def _mesh(
 def _tiling(h: int, w: int) -> tuple[int, int]:
     """Tiles of 64 x 64 pixels, as `kernels.geometry.cuts` takes them."""
     return math.ceil(h / LANES), math.ceil(w / LANES)
-
-
-def _rays(camera: Camera, origin: npt.ArrayLike) -> Rays:
-    """Directions at every half pixel, and the packed camera relative to the origin."""
-    return Rays(camera.packed(origin), *_directions(camera.projection))
-
-
-@lru_cache(maxsize=32)  # the cameras of a rig mostly share them; 100 KB for a view of 2048 x 2048 pixels
-def _directions(projection: Projection) -> tuple[F64, F64]:
-    """Directions across [2 w + 1, 2] and down [2 h - 1, 2] (see `kernels.geometry.records.Rays`)."""
-    width, height = projection.width, projection.height
-    u, v = 0.5 * np.arange(2 * width + 1) + 0.5, 0.5 * np.arange(2 * height - 1) + 0.5
-    if isinstance(projection, Perspective):
-        across = np.stack([np.ones_like(u), (projection.cx - u) / projection.fx], axis=-1)
-        return across, np.stack([np.ones_like(v), (projection.cy - v) / projection.fy], axis=-1)
-    (right, left), (bottom, top) = projection.hor_range, projection.ver_range
-    phi, theta = left - u * ((left - right) / width), top - v * ((top - bottom) / height)
-    across, down = (np.stack([np.cos(angle), np.sin(angle)], axis=-1) for angle in (phi, theta))
-    return across, down
 
 
 def _check(name: str, array: npt.NDArray[Any], shape: tuple[int, int], dtype: type) -> None:

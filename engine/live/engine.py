@@ -18,12 +18,12 @@ from types import TracebackType
 from typing import Any, Self
 
 from ..rig.frame import Frame
-from ..rig.questions import NoModelError
 from ..rig.viewer import EncodedPair, StereoView
 from .core import Core, CoreLostError, Source, Updated
 from .core_uses import CoreUses
 from .governor import Governor
 from .left_out import LeftOutLog, Settled
+from .model_reads import ModelReads
 from .scene_effects import SceneEffects
 from .timing import Activity, Longest, Rate, StallMonitor, Timings
 from .update_priority import FIRM, GENTLE, Patience
@@ -54,13 +54,12 @@ class Live(AbstractAsyncContextManager["Live"]):
         # One thread per niceness, as a thread cannot raise its priority again. Only one of them works at a time.
         self._back_ends = {niceness: ThreadPoolExecutor(1, "farside-back-end") for niceness in (GENTLE, FIRM)}
         self._front_end = ThreadPoolExecutor(render_workers, "farside-front-end")
-        self._exports = ThreadPoolExecutor(1, "farside-export")
-        self._queries = ThreadPoolExecutor(1, "farside-query")
         self._tasks: list[asyncio.Task[None]] = []
         self._viewers: dict[str, LiveViewer[Any]] = {}
         self._core: Core | None = None
         self._uses = CoreUses()
         self.effects = SceneEffects(lambda: self._core, self._uses)
+        self.model = ModelReads(lambda: self.shown, self._uses)
         self._core_status: dict[str, Any] = {}
         self._pending: tuple[Frame, asyncio.Future[Settled]] | None = None
         self._arrived = asyncio.Event()
@@ -88,7 +87,8 @@ class Live(AbstractAsyncContextManager["Live"]):
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self._drop_pending()
         await self.effects.close()
-        for pool in (*self._back_ends.values(), self._front_end, self._exports, self._queries):
+        await self.model.close()
+        for pool in (*self._back_ends.values(), self._front_end):
             await asyncio.to_thread(pool.shutdown, wait=True, cancel_futures=True)
         await self._uses.closed()
         for core in filter(None, (self._core, None if self.shown is self._core else self.shown)):
@@ -256,25 +256,6 @@ class Live(AbstractAsyncContextManager["Live"]):
         if self.governor is not None:
             for core in filter(None, (self.shown, self._core)):
                 core.retune(self.governor.rung.settings)
-
-    async def mesh(self, file_format: str, colours: str | None = None) -> bytes:
-        """The background model as a file (`Core.mesh`), made while pictures come first; ValueError if there is none."""
-        return bytes(await self._later(self._exports, "mesh", file_format, colours))
-
-    async def query(self, question: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        """The answer to a question about the model (`Core.query`), found while pictures come first."""
-        return dict(await self._later(self._queries, "query", question, arguments))
-
-    async def _later(self, pool: ThreadPoolExecutor, method: str, *arguments: Any) -> Any:
-        """What a method of the core that is shown returns, called in a thread that gives way to pictures."""
-        core = self.shown
-        if core is None:
-            what = "mesh" if method == "mesh" else "model"
-            raise NoModelError(f"{what}: there is none before the first frame: expected a source to be playing")
-        loop = asyncio.get_running_loop()
-        with self._uses.using(core):
-            await loop.run_in_executor(pool, core.give_way, GENTLE)
-            return await loop.run_in_executor(pool, getattr(core, method), *arguments)
 
     @property
     def viewer_count(self) -> int:

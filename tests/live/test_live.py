@@ -242,7 +242,7 @@ def test_the_same_cameras_keep_the_model_others_begin_anew() -> None:
             await live.open(Source("other", 25.0, CAMERAS[:1]))
             assert live.shown is None  # nothing to show before its first frame
             with pytest.raises(ValueError, match="mesh: there is none before the first frame"):
-                await live.mesh("ply")
+                await live.model.mesh("ply")
             await live.offer(a_frame(0, CAMERAS[:1]))
             assert live.shown is not core
 
@@ -393,7 +393,7 @@ def test_an_export_gives_way() -> None:
         async with Live(Nice) as live:
             await live.open(SOURCE)
             await live.offer(a_frame(0))
-            assert (await live.mesh("ply")).startswith(b"ply")
+            assert (await live.model.mesh("ply")).startswith(b"ply")
 
     run(scenario)
     assert niceness == [min(os.getpriority(os.PRIO_PROCESS, os.getpid()) + GENTLE, 19)]
