@@ -13,6 +13,7 @@ from ..background.seed import Seed
 from ..background.seed_files import seed_of_parts
 from ..io.effect_files import EffectContent
 from ..kernels.background.uncovered import CELL
+from ..kernels.base.tolerance import Delta
 from ..kernels.rendering.added_mesh import ColouredTriangles
 from ..kernels.rendering.projector import ProjectedPicture
 from ..rendering.effects import Effects, PictureLevels, levels_of_rgba, levels_of_texture
@@ -54,12 +55,13 @@ class _Projector:
 
     def thrown(self, content: FrameContent) -> ProjectedPicture | None:
         """What pictures are drawn with; None as long as there is no picture, or no background to throw it onto."""
-        if self.picture is None or self.shadow_map is None or content.delta is None:
+        tolerance = _tolerance(content)
+        if self.picture is None or self.shadow_map is None or tolerance is None:
             return None
         coding = self.shadow_map.camera.depth
         return ProjectedPicture(
             self.picture.texels, self.picture.levels, self.camera().packed(content.scene.origin), self.shadow_map.codes,
-            float(coding.offset), float(coding.step), content.delta, float(self.effect.strength),
+            float(coding.offset), float(coding.step), tolerance, float(self.effect.strength),
             self.effect.blend == "add",
         )  # fmt: skip
 
@@ -169,6 +171,15 @@ def _changed(old: _Projector | None, effect: Projector, content: EffectContent |
         if (effect.pose, effect.fov_rad) == (old.effect.pose, old.effect.fov_rad):
             new.shadow_map = old.shadow_map
     return new
+
+
+def _tolerance(content: FrameContent) -> Delta | None:
+    """How far from the background a drawn surface still counts as the background: delta, or half of the error that the
+    triangles of views may have, as in the corners of a room, where that is more. None: there is no background."""
+    if content.delta is None:
+        return None
+    error = max(prepared.options.tolerance for prepared in content.views)
+    return content.delta[0], max(content.delta[1], 0.5 * error)
 
 
 def _shadow_map(held: _Projector, model: BackgroundModel, content: FrameContent) -> View:

@@ -29,6 +29,20 @@ def four(size, u, v):
         yield i, j, (fx if k % 2 else 1 - fx) * (fy if k // 2 else 1 - fy), 0 <= i < size[0] and 0 <= j < size[1]
 
 
+def share_lit(map_camera, depths, point, depth, around):
+    """The share of the four texels of a shadow map around a point that are no farther from it than `around`, metres. If
+    they are one surface, the point may lie between them."""
+    texels, weights = [], []
+    for i, j, weight, _ in four((map_camera.width, map_camera.height), *map_camera.project(point)[0]):
+        texels.append(depths[min(max(j, 0), map_camera.height - 1), min(max(i, 0), map_camera.width - 1)])
+        weights.append(weight)
+    texels = np.array(texels)
+    range_of_disparity = np.ptp(1 / texels)  # NaN where one of them has no depth
+    if range_of_disparity <= 2 * (1 / (depth - around) - 1 / (depth + around)):
+        return float(texels.min() - around <= depth <= texels.max() + around)
+    return float(np.sum(weights, where=np.abs(texels - depth) <= around))
+
+
 def project(eye, planes, disparity, backdrop, push, projector, levels, shadow_map, delta, strength, adds):
     """New planes after a picture was thrown on them. backdrop [h, w]: pixels of it. levels: pictures [h, w, 4], each
     half as large as the one before. shadow_map: a camera, and its depths [h, w], NaN: none."""
@@ -44,12 +58,7 @@ def project(eye, planes, disparity, backdrop, push, projector, levels, shadow_ma
         (u, v), depth = projector.project(point)
         if not (depth > 0 and -0.5 < u < projector.width + 0.5 and -0.5 < v < projector.height + 0.5):
             continue
-        lit = 0.0
-        for i, j, weight, _ in four((map_camera.width, map_camera.height), *map_camera.project(point)[0]):
-            i, j = min(max(i, 0), map_camera.width - 1), min(max(j, 0), map_camera.height - 1)
-            behind = depths[j, i]
-            if abs(depth - behind) <= max(delta[0], delta[1] * depth**2):
-                lit += weight
+        lit = share_lit(map_camera, depths, point, depth, max(delta[0], delta[1] * depth**2))
         texels, level = radians / q * projector.projection.fx / depth, 0
         while texels > 1.5 and level < len(levels) - 1:
             texels, level = texels / 2, level + 1

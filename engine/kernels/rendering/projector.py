@@ -3,8 +3,8 @@
 A pixel of the eye has a depth, so it has a point in space. If that point lies in the projector's picture, and within
 delta of the background that the projector sees there (a shadow map, Williams 1978), the pixel takes the picture's
 colour. Nearer points are live foreground, farther ones lie in the shadow of the background; both stay as they are. The
-comparison is made with the four texels of the shadow map around the point, which softens the edges of shadows
-(percentage-closer filtering, Reeves et al. 1987).
+comparison is made with the four texels of the shadow map around the point: with their range where they are one surface,
+else with each of them, which softens the edges of shadows (percentage-closer filtering, Reeves et al. 1987).
 """
 
 from __future__ import annotations
@@ -52,6 +52,9 @@ OPAQUE = 1023  # alpha of a texel that hides what is behind it
 FIRST, PIXELS_WIDE, PIXELS_HIGH = 0, 1, 2  # of a level: its first texel, its size
 _COARSER = 1.5  # a level is used as long as a pixel of the eye covers at most this many of its texels
 _LEAST = 1e-12
+# Texels of the shadow map whose depths differ by at most twice the width of the tolerance are one surface: slanted, or
+# with a small step, where a point between them is the background too.
+_ONE_SURFACE = 2.0
 
 
 class ProjectedPicture(NamedTuple):
@@ -63,7 +66,7 @@ class ProjectedPicture(NamedTuple):
     codes: U16  # [h, w]: its shadow map, the background as it sees it; 0: none
     offset: float  # of the codes, 1/m: disparity is offset + step * code
     step: float
-    delta: Delta  # how far from the background a surface still counts as the background
+    delta: Delta  # how far from the background a drawn surface still counts as the background
     strength: float
     adds: bool
 
@@ -161,10 +164,13 @@ def _lit(thrown: ProjectedPicture, u: float, v: float, depth: float) -> float:
     farthest = max((1.0 / (depth + around) - thrown.offset) / thrown.step, 0.5)
     nearest = (1.0 / max(depth - around, _LEAST) - thrown.offset) / thrown.step
     i, right, j, below = max(left, 0), min(left + 1, w - 1), max(top, 0), min(top + 1, h - 1)
-    a = 1.0 if farthest <= thrown.codes[j, i] <= nearest else 0.0
-    b = 1.0 if farthest <= thrown.codes[j, right] <= nearest else 0.0
-    c = 1.0 if farthest <= thrown.codes[below, i] <= nearest else 0.0
-    d = 1.0 if farthest <= thrown.codes[below, right] <= nearest else 0.0
+    a, b = float(thrown.codes[j, i]), float(thrown.codes[j, right])
+    c, d = float(thrown.codes[below, i]), float(thrown.codes[below, right])
+    low, high = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
+    if low > 0.0 and high - low <= _ONE_SURFACE * (nearest - farthest):
+        return 1.0 if farthest <= high and low <= nearest else 0.0
+    a, b = (1.0 if farthest <= a <= nearest else 0.0), (1.0 if farthest <= b <= nearest else 0.0)
+    c, d = (1.0 if farthest <= c <= nearest else 0.0), (1.0 if farthest <= d <= nearest else 0.0)
     return (1.0 - fy) * ((1.0 - fx) * a + fx * b) + fy * ((1.0 - fx) * c + fx * d)
 
 
