@@ -84,7 +84,7 @@ class ModelQueries:
         """The triangles that spheres touch.
 
         centres [n, 3]; radii: metres, above 0 and finite, one number or [n]; listed: of how many triangles of each
-        sphere the corners are wanted, at most 64. A sphere's count ends at 4096 (`kernels.background.near`).
+        sphere the corners are wanted, at most 64. A sphere's count ends at 4096 (`kernels.background.point_search`).
         """
         at, sizes, listed = Spheres.of(centres, radii, listed)
         counts: I32 = np.zeros(len(at), np.int32)

@@ -232,9 +232,13 @@ class EmbreeTracer:
 
     def find_closest(self, asked: Asked, points: F64, within: F64, found: Found) -> None:
         """See `RayTracer`."""
-        near.find_closest(self._near(near.take_nearer), self._queried(asked), points, within, found)
+        from ..kernels.background.point_callbacks import take_nearer  # late, as it is compiled when it is imported
+
+        near.find_closest(self._near(take_nearer), self._queried(asked), points, within, found)
 
     def count_touched(self, asked: Asked, centres: F64, radii: F64, counts: I32, triangles: I32) -> None:
         """See `RayTracer`."""
-        taken, room = self._near(near.take_touched), triangles.shape[1]
-        near.count_touched(taken, self._queried(asked), centres, radii, counts, address_of(triangles), room)
+        from ..kernels.background.point_callbacks import take_touched  # late, as it is compiled when it is imported
+
+        room, search = triangles.shape[1], self._near(take_touched)
+        near.count_touched(search, self._queried(asked), centres, radii, counts, address_of(triangles), room)

@@ -118,8 +118,19 @@ def _play(recording: Any, quality: str) -> None:
         engine.render_encoded(head, "head", "jpeg")
     for colours in ("texture", "vertex"):
         engine.export("glb", colours)
+    _ask(engine, cameras)
     for name in recording.truth_names[:2]:
         engine.render_camera(recording.camera(name), "head")
+
+
+def _ask(engine: Any, cameras: Sequence[Any]) -> None:
+    """One question of each kind about the model."""
+    queries, places = engine.model.queries, [camera.pose.position for camera in cameras]
+    ahead = [(1.0, 0.0, 0.0)] * len(places)
+    queries.cast_rays(places, ahead)
+    queries.are_free(places, ahead)
+    queries.closest_points(places)
+    queries.overlaps(places, 1.0, listed=1)
 
 
 def _add_effects() -> None:

@@ -15,7 +15,7 @@ from ..support.array_types import F64
 
 __all__ = ["QueryRow", "measure_queries", "rays_from_inside", "timed_best"]
 
-_NEAR_M = 0.5  # radius of spheres
+_NEAR_M = 1.5  # radius of spheres
 
 
 @dataclass(frozen=True, slots=True)

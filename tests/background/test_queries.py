@@ -14,7 +14,7 @@ from farside.engine.background.queries import ModelQueries
 from farside.engine.background.sightings import Sightings
 from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.scene_scale import Scene
-from farside.engine.kernels.background import near
+from farside.engine.kernels.background.point_search import MOST_COUNTED
 from farside.engine.rig.questions import LARGEST, NoModelError
 from support.models import SETTINGS, model_of, sheets
 from support.rooms import BOX_X, WALL_X, camera_row, frame
@@ -158,7 +158,7 @@ def test_a_count_ends_where_more_would_take_long():
     points = np.stack([np.ones(3600), y.ravel(), z.ravel()], -1).astype(np.float32)
     room, _surfaces = asking(Mesh(points, np.zeros((3600, 2), np.float32), triangles.astype(np.int32)))
     counts = room.overlaps(ORIGIN + np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), [10.0, 0.5]).counts
-    assert counts[0] == near.MOST_COUNTED < len(triangles)
+    assert counts[0] == MOST_COUNTED < len(triangles)
     assert 1000 < counts[1] < 2500
 
 

@@ -297,8 +297,8 @@ INSIDE = {
 # A measure by rays, which read only memory that other rays read, too; callbacks, which Embree calls instead of the
 # engine, in every case that casts rays; and modules for uncompiled runs.
 ASIDE = {
-    "evaluation/leaks", "background/embree_callbacks", "background/intersect_numpy", "background/point_query_numpy",
-    "base/live_arrays",
+    "evaluation/leaks", "background/embree_callbacks", "background/intersect_numpy", "background/point_callbacks",
+    "background/point_query_numpy", "base/live_arrays",
 }  # fmt: skip
 MEMORY = {"intersect", "lanes", "memory"}  # modules that read and write at addresses
 # Modules that take addresses from others.
