@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import threading
 
@@ -15,6 +16,7 @@ from farside.engine.background.sightings import Sightings
 from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.kernels.background.point_search import MOST_COUNTED
+from farside.engine.rig.camera import Pose
 from farside.engine.rig.questions import LARGEST, NoModelError
 from support.models import SETTINGS, model_of, sheets
 from support.rooms import BOX_X, WALL_X, camera_row, frame
@@ -225,6 +227,19 @@ def test_a_model_that_is_continued_does_not_know_when_its_surfaces_were_seen():
     assert again.queries.cast_rays(*ahead).ages.tolist() == [-1]
     again.update(frame(2, cameras))
     assert again.queries.cast_rays(*ahead).ages.tolist() == [0]
+
+
+def test_what_a_camera_that_walked_on_has_left_is_as_old_as_its_capture_at_least():
+    (camera,) = camera_row(1)
+    model, _report = model_of([camera], frame(0, [camera]))
+    for index in range(1, 7):
+        model.update(frame(index, [dataclasses.replace(camera, pose=Pose((0.0, 1.0 * index, 0.0)))]))
+    assert len(model.captures) > 1
+    hits = model.queries.cast_rays([[0.0, -2.0, 0.0], [0.0, 6.0, 0.0]], [[1.0, 0.0, 0.0]] * 2)
+    np.testing.assert_allclose(hits.distances, WALL_X, atol=0.05)
+    assert hits.frame == 7
+    assert hits.ages[0] == 6
+    assert 0 < hits.ages[1] < 6  # the camera is there now, but has seen this first from elsewhere
 
 
 def test_threads_may_ask_while_another_one_updates():
