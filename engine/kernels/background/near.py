@@ -14,7 +14,7 @@ import numpy as np
 
 from ...support.array_types import F64, I32
 from ..base.jit import parallel, serial
-from ..base.memory import load_i64, store_foreign_i32
+from ..base.memory import load_i64
 from .point_query import point_query
 from .point_search import CONTEXT_SIZE, COUNT, INVALID, LIST, ROOM, SURFACES, TRIANGLE, closest_on
 from .queried import Found, Queried, write_found
@@ -44,8 +44,7 @@ def find_closest(near: Near, queried: Queried, points: F64, within: F64, found: 
         for k in range(run * _RUN, min((run + 1) * _RUN, points.shape[0])):
             x, y = points[k, 0] - queried.origin[0], points[k, 1] - queried.origin[1]
             z = points[k, 2] - queried.origin[2]
-            store_foreign_i32(user, 2 * TRIANGLE, numba.int32(-1))
-            store_foreign_i32(user, 2 * TRIANGLE + 1, numba.int32(-1))
+            context[TRIANGLE] = -1
             point_query(
                 near.function, near.scene, near.callback, user, np.float32(x), np.float32(y), np.float32(z),
                 np.float32(within[k]),
