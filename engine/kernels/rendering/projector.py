@@ -163,7 +163,8 @@ def _lit(thrown: ProjectedPicture, u: float, v: float, depth: float) -> float:
     fx, fy, around = x - left, y - top, delta_at(thrown.delta, depth)
     farthest = max((1.0 / (depth + around) - thrown.offset) / thrown.step, 0.5)
     nearest = (1.0 / max(depth - around, _LEAST) - thrown.offset) / thrown.step
-    i, right, j, below = max(left, 0), min(left + 1, w - 1), max(top, 0), min(top + 1, h - 1)
+    i, right = min(max(left, 0), w - 1), min(max(left + 1, 0), w - 1)
+    j, below = min(max(top, 0), h - 1), min(max(top + 1, 0), h - 1)
     a, b = float(thrown.codes[j, i]), float(thrown.codes[j, right])
     c, d = float(thrown.codes[below, i]), float(thrown.codes[below, right])
     low, high = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
