@@ -105,9 +105,12 @@ def _refused(error: Error) -> Exception:
 
 @asynccontextmanager
 async def connect(
-    url: str, hello: ViewerHello | SourceHello, *, timeout_s: float = 120.0, tls: ssl.SSLContext | None = None
+    url: str, hello: ViewerHello | SourceHello, *, tls: ssl.SSLContext | None = None
 ) -> AsyncIterator[tuple[Peer, Welcome]]:
-    """Connect and greet; `timeout_s` bounds the wait for the welcome; `tls`: whom to trust (default: as the machine).
+    """Connect and greet; `tls`: whom to trust (default: as the machine).
+
+    The wait for the welcome has no limit as long as the server answers pings: a source is welcome when kernels are
+    compiled, which takes minutes on a busy machine.
 
     Raises RefusedError if the server refuses or its certificate is not trusted, ConnectionError if no server answers,
     ValueError for an address, or a proxy in the environment, that cannot be used.
@@ -116,13 +119,7 @@ async def connect(
     async with socket:
         peer = Peer(socket)
         await peer.send(hello)
-        try:
-            async with asyncio.timeout(timeout_s):
-                welcome = await peer.receive(Welcome)
-        except TimeoutError as error:
-            named = without_secrets(url)
-            raise ConnectionError(f"the server at {named} did not answer within {timeout_s:g} s") from error
-        yield peer, welcome
+        yield peer, await peer.receive(Welcome)
 
 
 async def _open(url: str, role: str, tls: ssl.SSLContext | None) -> ClientConnection:

@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from .demo_twin import DemoTwin
+from .demo_twin import FIRST_VIEWS, DemoTwin
 from .listening import addresses_of, listen
 from .replay import Playback, Replay
 from .serve import server_settings, stop_within, tell_variables
@@ -112,7 +112,7 @@ class _Show:
     ) -> None:
         self._twin = twin if isinstance(twin, DemoTwin) else None  # one that is made meanwhile
         self._compiling = Compiling(("synth", *settings.needed) if self._twin else settings.needed)
-        self._server = make_server(settings, compiling=self._compiling)
+        self._server = make_server(settings, compiling=self._compiling, preparing=self._preparing)
         self._settings, self._listening = settings, listening
         self._recording, self._rate = twin, rate
         self._waiting: asyncio.Task[None] | None = None  # a twin waits for kernels
@@ -136,13 +136,16 @@ class _Show:
             if self._twin:
                 self._twin.stop()
 
+    def _preparing(self) -> str:
+        return f"making the sequence: {self._twin.first_views} of {FIRST_VIEWS} views" if self._twin else ""
+
     async def _replay(self) -> None:
         while not self._server.started:
             await asyncio.sleep(0.02)
         if self._twin:
             await asyncio.to_thread(self._compiling.wait, ("synth",))
             self._twin.start()
-            await self._twin.first_views()
+            await self._twin.wait_for_first_views()
             self._waiting = asyncio.create_task(self._go_on(self._twin))
         settings, recording = self._settings, self._recording
         playback = Playback(recording, recording.source_names, self._rate, loop=True, token=settings.token)

@@ -19,11 +19,11 @@ from farside.engine.io.whole_sequence import hidden_folder
 from farside.engine.rig.camera import Camera, Pose
 from farside.engine.rig.frame import Fault, Frame, Texture, View
 
-__all__ = ["DemoTwin"]
+__all__ = ["FIRST_VIEWS", "DemoTwin"]
 
 T = TypeVar("T")
 _POLL_S, _NICENESS = 0.2, 5
-_FEW = 8  # views with which the first frame is shown already: more than a picture is drawn from
+FIRST_VIEWS = 8  # views with which the first frame is shown already: more than a picture is drawn from
 _TO_COME = Fault("not made yet")
 
 
@@ -43,8 +43,8 @@ def _first_view(recording: Sequence, name: str) -> View:
 class DemoTwin:
     """A recording that grows while it is made in a folder; an interrupted run leaves no folder.
 
-    `start`, then `first_views`, then use it as a `Recording`; `stop` at the end. Until its first frame is whole, the
-    views that are still to be made are left out of it.
+    `start`, then `wait_for_first_views`, then use it as a `Recording`; `stop` at the end. Until its first frame is
+    whole, the views that are still to be made are left out of it.
     """
 
     def __init__(self, folder: Path, scale: float, total: int) -> None:
@@ -56,20 +56,23 @@ class DemoTwin:
         self._place, self._opened = folder, 0.0  # of what is open: where, and when, s
 
     def start(self) -> None:
-        """Start the process."""
-        command = [sys.executable, "-m", "farside.clients.cli", "synth", "museum", str(self.folder)]
+        """Start the process; it ends with the thread that calls this."""
+        run = [sys.executable, "-m", "farside.clients.bound", str(os.getpid()), "farside.clients.cli"]
         options = ["--scale", str(self._scale), "--frames", str(self.total), "--no-truth"]
-        self._process = subprocess.Popen([*command, *options], stdout=subprocess.DEVNULL, stderr=self._told)
+        command = [*run, "synth", "museum", str(self.folder), *options]
+        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=self._told)
 
-    async def first_views(self) -> None:
+    async def wait_for_first_views(self) -> None:
         """Wait until some views of the first frame are there; raises OSError as `check` does."""
-        while self._first_views() < _FEW:
+        while self.first_views < FIRST_VIEWS:
             self.check()
             await asyncio.sleep(_POLL_S)
         if self._process is not None:
             _give_way(self._process.pid)
 
-    def _first_views(self) -> int:
+    @property
+    def first_views(self) -> int:
+        """Views of the first frame that are there."""
         with contextlib.suppress(ValueError, OSError):
             return self._read(lambda recording: sum(recording.pictures_of(name) > 0 for name in recording.source_names))
         return 0

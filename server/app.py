@@ -48,11 +48,13 @@ METHODS, HEADERS = [*READ, "POST", "PUT", "DELETE"], ["authorization", "content-
 
 
 def create_app(
-    settings: ServerSettings, make_core: Callable[[Source], Core] | None = None, compiling: Compiling | None = None
-) -> FastAPI:
+    settings: ServerSettings, make_core: Callable[[Source], Core] | None = None, compiling: Compiling | None = None,
+    preparing: Callable[[], str] = str,
+) -> FastAPI:  # fmt: skip
     """The application; `make_core` replaces the maker of the engine's process, which is called for each new rig.
 
-    `compiling` replaces the kernels that are compiled at the start: those that the settings need.
+    `compiling` replaces the kernels that are compiled at the start: those that the settings need. preparing: tells, for
+    people, what a source that is to come is waiting for; "": nothing is known of one.
     """
     if compiling is None and make_core is None:
         compiling = Compiling(settings.needed)
@@ -63,7 +65,7 @@ def create_app(
         patience = Patience(settings.longest_update_s)
         live = Live(maker, render_workers=workers, governor=settings.governor(), patience=patience)
         async with live, responsive(lambda: live.frames["updated"]):
-            app.state.service = Service(live, settings, compiling)
+            app.state.service = Service(live, settings, compiling, preparing)
             async with _going_on(compiling):
                 yield
 
@@ -205,11 +207,12 @@ def _service(app: FastAPI) -> Service:
 
 
 def make_server(
-    settings: ServerSettings, make_core: Callable[[Source], Core] | None = None, compiling: Compiling | None = None
-) -> uvicorn.Server:
-    """A server ready to run; `make_core` and `compiling` as in `create_app`."""
+    settings: ServerSettings, make_core: Callable[[Source], Core] | None = None, compiling: Compiling | None = None,
+    preparing: Callable[[], str] = str,
+) -> uvicorn.Server:  # fmt: skip
+    """A server ready to run; other arguments as in `create_app`."""
     config = uvicorn.Config(
-        create_app(settings, make_core, compiling),
+        create_app(settings, make_core, compiling, preparing),
         host=settings.host,
         port=settings.port,
         log_level=settings.log_level,

@@ -42,7 +42,7 @@ class EffectUpdate:
 
     @classmethod
     def _read(cls, reader: Reader) -> Self:
-        name, kind = reader.text("name", MAX_NAME), reader.choice("kind", KINDS)
+        name, kind = reader.label("name", MAX_NAME), reader.choice("kind", KINDS)
         if not name:
             raise reader.fail("name", name, f"1 to {MAX_NAME} characters")
         placed = name, kind, reader.vector("position"), reader.quaternion("orientation")
@@ -69,4 +69,4 @@ class EffectRemoval:
 
     @classmethod
     def _read(cls, reader: Reader) -> Self:
-        return cls(reader.text("name", MAX_NAME))
+        return cls(reader.label("name", MAX_NAME))

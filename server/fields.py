@@ -43,10 +43,15 @@ class ProtocolError(ValueError):
 
     def __init__(self, code: CloseCode, field: str, value: object, expected: str) -> None:
         self.code, self.field, self.expected = code, field, expected
-        self.value = value if isinstance(value, str) else _REPR.repr(value)
+        self.value = _printable(value if isinstance(value, str) else _REPR.repr(value))
         if len(self.value) > 80:
             self.value = self.value[:77] + "..."
         super().__init__(f"{field}: {self.value}: expected {expected}")
+
+
+def _printable(text: str) -> str:
+    """A text in which what could control a terminal or begin a line of a log is escaped."""
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
 
 
 class Reader:
@@ -104,6 +109,13 @@ class Reader:
         value: str = self._get(name, (str,), expected)
         if len(value) > longest:
             raise self.fail(name, value, expected)
+        return value
+
+    def label(self, name: str, longest: int = 200) -> str:
+        """A name of at most `longest` printable characters: it is shown to people and written into logs."""
+        value = self.text(name, longest)
+        if not value.isprintable():
+            raise self.fail(name, value, "printable characters")
         return value
 
     def choice(self, name: str, options: Iterable[str]) -> str:

@@ -165,7 +165,7 @@ def _read_projection(reader: Reader, width: int, height: int) -> Perspective | E
 def _read_camera(reader: Reader) -> Camera:
     width, height = reader.integer("width", 1, MAX_VIEW_PX), reader.integer("height", 1, MAX_VIEW_PX)
     return Camera(
-        reader.text("name", 100),
+        reader.label("name", 100),
         _read_projection(reader.child("projection"), width, height),
         Pose(reader.vector("position"), reader.quaternion("orientation")),
         _read_depth_coding(reader.child("depth")),
@@ -311,7 +311,7 @@ class SourceHello:
     @classmethod
     def _read(cls, reader: Reader) -> Self:
         return cls(
-            reader.text("name"),
+            reader.label("name"),
             reader.number("fps", 0.01, 1000.0),
             _read_cameras(reader),
             reader.text("token") if reader.has("token") else "",
@@ -340,7 +340,7 @@ class SharedMemory:
         numbers = Reader(dict(zip(map(str, range(len(files))), files, strict=True)), "memory.files")
         return cls(
             reader.integer("process", 1, MAX_COUNT),
-            reader.text("name"),
+            reader.label("name"),
             tuple(numbers.integer(str(k), 0, MAX_COUNT) for k in range(len(files))),
         )
 
@@ -396,7 +396,7 @@ class Scene:
     @classmethod
     def _read(cls, reader: Reader) -> Self:
         return cls(
-            reader.text("name"),
+            reader.label("name"),
             reader.number("fps", 0.0),
             reader.integer("cameras", 1, MAX_CAMERAS),
             reader.vector("position"),

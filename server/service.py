@@ -9,7 +9,7 @@ import logging
 import math
 import secrets
 import time
-from collections.abc import AsyncIterator, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from itertools import count
@@ -53,6 +53,7 @@ class Service:
     live: Live
     settings: ServerSettings
     compiling: Compiling | None = None  # kernels on their way
+    preparing: Callable[[], str] = str  # what a source that is to come is waiting for, for people; "": nothing known
     session: str = field(default_factory=lambda: secrets.token_hex(4))
     started: float = field(default_factory=time.monotonic)
     source: Inbox | None = None  # the source that has the place; after its end it stays here until another comes
@@ -116,6 +117,7 @@ class Service:
             "session": self.session,
             "uptime_s": time.monotonic() - self.started,
             "source_connected": self.source is not None and not self.source.ended,
+            "preparing": self.preparing(),
             "kernels": self._kernels(),
             **self.live.status(seconds),
         }

@@ -97,7 +97,7 @@ def measure_start(cache: Path, browser: Path) -> Startup:
 
 # What the page says about kernels has changed, or there is a picture.
 _MOVES = """() => {
-  const said = (document.getElementById("message").textContent.match(/kernels: (\\d+)/) ?? [])[1];
+  const said = (document.getElementById("message").textContent.match(/(\\d+) of/) ?? [])[1];
   if (said !== undefined && globalThis.firstSaid === undefined) globalThis.firstSaid = said;
   return globalThis.farside?.seen > 0 || (said !== undefined && said !== globalThis.firstSaid);
 }"""

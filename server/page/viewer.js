@@ -62,8 +62,8 @@ async function tellProgress(socket) {
     const status = await fetch(new URL("status", document.baseURI)).then((answer) => answer.json()).catch(() => null);
     if (state.socket !== socket || state.seen > 0) return;
     const { ready, of } = status?.kernels ?? { ready: 0, of: 0 };
-    if (ready < of) say(`compiling kernels: ${ready} of ${of}`);
-    else say(status?.source_connected ? "waiting for the first picture" : "waiting for a source");
+    if (ready < of) say(`compiling kernels: ${ready} of ${of} (the first time only)`);
+    else say(status?.source_connected ? "waiting for the first picture" : status?.preparing || "waiting for a source");
     await new Promise((resolve) => setTimeout(resolve, PROGRESS_MS));
   }
 }

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -31,7 +33,7 @@ def test_frames_can_be_read_while_others_are_made(tmp_path: Path) -> None:
 
     async def play() -> list[int]:
         twin.start()
-        await twin.first_views()
+        await twin.wait_for_first_views()
         early = twin.frame(0)
         assert len(early.there) >= 8
         assert {str(fault) for fault in early.faults.values()} <= {"not made yet"}
@@ -73,9 +75,34 @@ def test_views_that_are_not_made_yet_are_left_out_of_the_first_frame(tmp_path: P
 def test_one_that_is_stopped_leaves_nothing(tmp_path: Path) -> None:
     twin = DemoTwin(tmp_path / "museum", SCALE, 10_000)
     twin.start()
-    asyncio.run(twin.first_views())
+    asyncio.run(twin.wait_for_first_views())
     twin.stop()
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone ends a process with its parent")
+def test_one_that_stands_still_ends_with_its_parent_and_leaves_the_place_free(tmp_path: Path) -> None:
+    folder = tmp_path / "museum"
+    script = (
+        "import asyncio, sys, time; from pathlib import Path; from farside.clients.demo_twin import DemoTwin\n"
+        f"twin = DemoTwin(Path({str(folder)!r}), {SCALE}, 10_000)\n"
+        "twin.start(); asyncio.run(twin.wait_for_first_views()); twin.pause(); print(twin._process.pid, flush=True)\n"
+        "time.sleep(1000)"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    child = Path("/proc") / parent.stdout.readline().strip()
+    assert (child / "stat").read_text().rpartition(")")[2].split()[0] == "T"
+    parent.kill()
+    parent.communicate()
+    while child.exists() and (child / "stat").read_text().rpartition(")")[2].split()[0] not in "ZX":
+        time.sleep(0.01)
+    twin = DemoTwin(folder, SCALE, 1)
+    twin.start()
+    try:
+        asyncio.run(twin.wait_for_first_views())
+    finally:
+        twin.stop()
 
 
 def test_what_keeps_it_from_being_made_is_told(tmp_path: Path) -> None:
@@ -85,7 +112,7 @@ def test_what_keeps_it_from_being_made_is_told(tmp_path: Path) -> None:
     twin.start()
     try:
         with pytest.raises(OSError, match=r"twin: .*museum: expected to be made: .*a file"):
-            asyncio.run(twin.first_views())
+            asyncio.run(twin.wait_for_first_views())
     finally:
         twin.stop()
 

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 numbers = st.floats(-1e6, 1e6)
 vectors = st.tuples(numbers, numbers, numbers)
 counts = st.integers(0, 1 << 53)
-names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=20)
+names = st.text(st.characters(codec="utf-8").filter(str.isprintable), min_size=1, max_size=20)
 blobs = st.binary(max_size=50)
 fractions = st.floats(0, 1)
 
@@ -564,6 +564,15 @@ def test_features_that_both_sides_have_are_agreed_and_unknown_optional_ones_igno
     optional: tuple[str, ...], required: tuple[str, ...], common: tuple[str, ...]
 ) -> None:
     assert protocol.agreed(protocol.Features(optional, required), "source") == common
+
+
+def test_nothing_that_controls_a_terminal_gets_into_names_and_reasons() -> None:
+    error = ProtocolError(CloseCode.VALUE, "name", "a\0b\n\x1b[31m\ud800 é", "another")
+    assert str(error) == "name: a\\x00b\\n\\x1b[31m\\ud800 é: expected another"
+    for name in ("v0\n", "\x1b[2J", "v\u2028"):
+        for path in (("name",), ("cameras", 0, "name")):
+            with pytest.raises(ProtocolError, match=r"name: .*: expected printable characters"):
+                protocol.decode(msgpack.packb(_replaced(CAMERA, path, name)), protocol.SourceHello)
 
 
 def test_a_required_feature_that_is_unknown_is_refused_by_name() -> None:

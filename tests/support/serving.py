@@ -31,11 +31,13 @@ def run_within(seconds: float, scenario: Callable[[], Awaitable[None]]) -> None:
 
 @contextmanager
 def running(
-    make_core: Callable[[Source], Core] | None = None, compiling: Any = None, **given: Any
+    make_core: Callable[[Source], Core] | None = None, compiling: Any = None, preparing: Callable[[], str] = str,
+    **given: Any,
 ) -> Iterator[str]:
-    """Yields the server's address; after the block the server has shut down in order. `compiling`: its kernels."""
+    """Yields the server's address; after the block the server has shut down in order. `compiling`: its kernels;
+    preparing: see `create_app`."""
     settings = ServerSettings(**({"port": 0} | given))
-    server = make_server(settings, make_core, compiling)
+    server = make_server(settings, make_core, compiling, preparing)
     with listen(settings) as listening:
         thread = threading.Thread(target=server.run, kwargs={"sockets": listening})
         thread.start()
