@@ -157,8 +157,10 @@ async def persist(
 ) -> T:
     """Run `session`; after a lost connection run it again, `pause_s` later. Returns what a session that ends returns.
 
-    Raises the last ConnectionError after `patience_s` seconds without a connection. `tell` is called with each failure.
+    Raises the last ConnectionError after `patience_s` seconds without a connection. `tell` is called with each failure
+    that is not the same as the last one.
     """
+    told = ""
     while True:
         started = time.monotonic()
         try:
@@ -167,7 +169,9 @@ async def persist(
             lived = time.monotonic() - started
             if patience_s <= 0:
                 raise
-            tell(f"{error}; trying again")
+            if told != str(error):
+                tell(f"{error}; trying again")
+            told = str(error) if lived <= 5.0 else ""
             # A session that lasted more than five seconds renews the patience; failures in a row use it up.
             patience_s = patience_s if lived > 5.0 else patience_s - lived - pause_s
             await asyncio.sleep(pause_s)

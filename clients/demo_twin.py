@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from farside.engine.io.tmiv import Sequence, open_sequence
-from farside.engine.io.whole_sequence import hidden_folder
+from farside.engine.io.whole_sequence import hidden_folder, is_being_written
 from farside.engine.rig.camera import Camera, Pose
 from farside.engine.rig.frame import Fault, Frame, Texture, View
 
@@ -49,14 +49,17 @@ class DemoTwin:
 
     def __init__(self, folder: Path, scale: float, total: int) -> None:
         self.folder, self.total = folder, total
-        self._scale, self._done = scale, 0
+        self._scale, self._done, self._started = scale, 0, False
         self._process: subprocess.Popen[bytes] | None = None
         self._told = tempfile.TemporaryFile()  # noqa: SIM115 # its error output, open as long as the twin
         self._open: Sequence | None = None
         self._place, self._opened = folder, 0.0  # of what is open: where, and when, s
 
     def start(self) -> None:
-        """Start the process; it ends with the thread that calls this."""
+        """Start the process, unless another demo makes this twin now; it ends with the thread that calls this."""
+        self._started = True
+        if is_being_written(self.folder):
+            return
         run = [sys.executable, "-m", "farside.clients.bound", str(os.getpid()), "farside.clients.cli"]
         options = ["--scale", str(self._scale), "--frames", str(self.total), "--no-truth"]
         command = [*run, "synth", "museum", str(self.folder), *options]
@@ -78,7 +81,9 @@ class DemoTwin:
         return 0
 
     def check(self) -> None:
-        """Raises OSError, with what the process said last, if it has failed."""
+        """Raises OSError, with what the process said last, if it has failed. Makes the twin if another demo has not."""
+        if self._started and self._process is None and not self.folder.is_dir():
+            self.start()
         if self._process is not None and self._process.poll():
             self._told.seek(0)
             last = self._told.read().decode(errors="replace").strip().splitlines()[-1:]

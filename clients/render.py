@@ -130,11 +130,11 @@ def command(
     result = summary(rows, settings)
     if report is not None:
         report.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    median = {name: round(values["median"], 1) for name, values in result["summary"]["stages"].items()}
+    medians = ", ".join(f"{name} {values['median']:.1f}" for name, values in result["summary"]["stages"].items())
     console = Console(stderr=True)
     if left_out := str(renderer.left_out):
         console.print(f"views left out of frames: {left_out}", markup=False)
-    console.print(f"{len(rows)} frames to {out}; median milliseconds a frame: {median}")
+    console.print(f"{len(rows)} frames to {out}; median milliseconds a frame: {medians}", soft_wrap=True)
 
 
 def _render(renderer: OfflineRenderer, writer: PictureWriter) -> list[dict[str, Any]]:

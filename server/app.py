@@ -168,8 +168,8 @@ def _add_http(app: FastAPI) -> None:
 
 
 def _check_token(app: FastAPI, request: Request) -> None:
-    if not _service(app).authorised(_token(request)):
-        raise HTTPException(401, "token: another: expected the server's token")
+    if not _service(app).authorised(token := _token(request)):
+        raise HTTPException(401, f"token: {'another' if token else 'none'}: expected the server's token")
 
 
 def _add_effects(app: FastAPI) -> None:

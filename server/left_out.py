@@ -25,7 +25,7 @@ class Arrivals:
 
     def __init__(self, cameras: Sequence[Camera], fps: float) -> None:
         self.cameras = {camera.name: camera for camera in cameras}
-        self._watches = {camera.name: PoseWatch(fps) for camera in cameras}
+        self._watches = {camera.name: PoseWatch(fps, camera.pose) for camera in cameras}
 
     def check(self, message: ViewData) -> None:
         """Raises ProtocolError for a camera that was not announced."""

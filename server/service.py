@@ -73,7 +73,7 @@ class Service:
             raise ProtocolError(CloseCode.TIMEOUT, "hello", waited, "a hello") from error
         hello = decode(data, kind, limit=MAX_CONTROL_BYTES if kind is ViewerHello else MAX_HELLO_BYTES)
         if not self.authorised(hello.token):
-            raise ProtocolError(CloseCode.TOKEN, "token", "another", "the server's token")
+            raise ProtocolError(CloseCode.TOKEN, "token", "another" if hello.token else "none", "the server's token")
         agreed(hello.features, hello.ROLE)  # raises for a required one that is not known here
         if (connection := connection_of(socket)) is not None:
             # What is a little too long for a viewer is still read, so that it is told what is wrong.

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from ..support.cores import core_count
 from ..support.cpu_level import chosen_cpu, this_cpu
-from ..support.kernel_folders import SHIPPED, base_folder, digest
+from ..support.kernel_folders import SHIPPED, base_folder, digest, folder_of
 from .needed import NEEDED, needed_for, read
 
 __all__ = ["Compiling", "Progress"]
@@ -34,7 +34,8 @@ class Compiling:
     """Kernels for some uses (`needed.USES`; the first comes first) on their way.
 
     `changed` is called, from several threads, each time that a kernel is there. Use `start`, then `wait` or `stop`; or
-    `run`. Where notes in the folder of kernels say that all are there, nothing is started.
+    `run`. Where a note in the folder of kernels says that all are there, and their files have the sizes that it names,
+    nothing is started.
     """
 
     def __init__(
@@ -67,7 +68,7 @@ class Compiling:
         if base_folder() is None:
             self._done.update(self._numbers)
         for use in self._uses:
-            if any(note.is_file() for note in _notes(use)):
+            if any(map(_is_true, _notes(use))):
                 self._done.update(needed_for([use]))
         self._left = [number for number in self._numbers if number not in self._done]
         count = min(self._workers, len(self._left))
@@ -170,13 +171,32 @@ def _notes(use: str) -> list[Path]:
 def _leave_note(use: str) -> None:
     if (base := base_folder()) is not None:
         with suppress(OSError):
-            (base / f"all-for-{use}-{_state()}").touch()
+            (base / f"all-for-{use}-{_state()}").write_text(json.dumps(_sizes(base)))
+
+
+def _sizes(base: Path) -> dict[str, int]:
+    """Bytes of the files of kernels in a folder, by their path below it."""
+    folders = [base / folder_of(source) for source in _sources()]
+    return {f"{folder.name}/{path.name}": path.stat().st_size for folder in folders for path in folder.glob("*.nbc")}
+
+
+def _is_true(note: Path) -> bool:
+    """Whether the files of kernels are still there whole, as far as their sizes tell."""
+    try:
+        sizes = json.loads(note.read_text())
+        return all((note.parent / name).stat().st_size == size for name, size in sizes.items())
+    except (AttributeError, OSError, ValueError):  # not there, not written to its end, or not a note
+        return False
+
+
+def _sources() -> list[Path]:
+    return sorted((Path(__file__).parents[1] / "kernels").rglob("*.py"))
 
 
 @cache
 def _state() -> str:
     """What all kernels depend on, in 16 characters: their files, the list, the compiler, the CPU."""
     found = sha256(NEEDED.read_bytes() + (chosen_cpu() or this_cpu()).encode())
-    for path in sorted((Path(__file__).parents[1] / "kernels").rglob("*.py")):
+    for path in _sources():
         found.update(digest(path).encode())
     return found.hexdigest()[:16]

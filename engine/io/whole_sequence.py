@@ -13,7 +13,7 @@ from .file_names import entries
 from .tmiv_json import read_json
 from .yuv import PIXEL_FORMATS
 
-__all__ = ["NewSequence", "hidden_folder"]
+__all__ = ["NewSequence", "hidden_folder", "is_being_written"]
 
 _MARK = ".farside-unfinished"
 _VIDEO = re.compile(rf".+_(?:texture|depth)_\d+x\d+_{PIXEL_FORMATS}\.yuv")
@@ -24,6 +24,23 @@ def hidden_folder(path: Path | str) -> Path:
     whole = Path(path).resolve()
     home = whole if whole.exists() else whole.parent
     return home / f".{whole.name}{_MARK}"
+
+
+def is_being_written(path: Path | str) -> bool:
+    """Whether another process, or another `NewSequence` of this one, is writing a sequence now."""
+    try:
+        hidden = os.open(hidden_folder(path), os.O_RDONLY | os.O_DIRECTORY)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(hidden, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass  # a file system without locks
+    finally:
+        os.close(hidden)
+    return False
 
 
 class NewSequence:

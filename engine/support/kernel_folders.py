@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
-__all__ = ["SHIPPED", "base_folder", "bases", "digest", "tell_once", "user_cache"]
+__all__ = ["SHIPPED", "base_folder", "bases", "digest", "folder_of", "tell_once", "user_cache"]
 
 _KEPT_S = 30 * 24 * 3600.0  # a folder that no run has used for this long is removed
 _TOLD = "_FARSIDE_TOLD_THAT_NO_KERNELS_ARE_KEPT"
@@ -33,6 +33,11 @@ def digest(source: Path) -> str:
     for path in sorted(_all_imported(source.resolve()) | _all_imported(_ENGINE / "kernels" / "base" / "jit.py")):
         found.update(f"{os.path.relpath(path, _ENGINE)}\0".encode() + path.read_bytes() + b"\0")
     return found.hexdigest()[:16]
+
+
+def folder_of(source: Path) -> str:
+    """The name of the folder of a file's kernels, in each folder of `bases`."""
+    return f"{source.stem}-{digest(source)}"
 
 
 def _all_imported(source: Path) -> set[Path]:

@@ -11,6 +11,7 @@ const RESIZED_MS = 300;
 const IN_FLIGHT = 2;
 const RETRY_MS = 1500;
 const PROGRESS_MS = 400;
+const TOKEN_REFUSED = 4401; // close code: trying again makes no sense
 const element = (id) => document.getElementById(id);
 const canvas = element("picture");
 const head = new Head(canvas);
@@ -51,6 +52,7 @@ function connect() {
   socket.onclose = (event) => {
     state.socket = null;
     if (socket.resized) { connect(); return; }
+    if (event.code === TOKEN_REFUSED) { say(`${refusal || event.reason}: open the address that the server printed`); return; }
     say(`no connection: ${refusal || event.reason || "the server does not answer"}; trying again`);
     setTimeout(connect, RETRY_MS);
   };

@@ -144,6 +144,7 @@ def test_each_surface_of_a_capture_is_a_geometry_of_its_own(cameras):
     for _ in range(2):  # what is put again takes its own place
         for capture, static in surfaces:
             (pbs.set_static if static else pbs.set_progressive)(capture, capture % cameras, mesh)
+        pbs.commit()
     first, second = np.split(np.array(tracer.taken), 2)
     np.testing.assert_array_equal(first, second)
     assert sorted(first) == list(range(len(surfaces)))  # and no number is left out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import subprocess
 import sys
 import threading
@@ -14,8 +15,16 @@ from farside.clients.demo_twin import DemoTwin
 from farside.engine.io.recording import open_recording
 from farside.engine.io.whole_sequence import hidden_folder
 from farside.engine.synth import write_twin
+from support.doubles import HANG_S
 
 SCALE, FRAMES = 0.04, 100
+
+
+def _state(stat: Path) -> str:
+    """The state of a process, from Linux's /proc; X: it has ended."""
+    with contextlib.suppress(OSError):
+        return stat.read_text().rpartition(")")[2].split()[0]
+    return "X"
 
 
 async def _until_whole(twin: DemoTwin) -> list[int]:
@@ -89,13 +98,13 @@ def test_one_that_stands_still_ends_with_its_parent_and_leaves_the_place_free(tm
         "twin.start(); asyncio.run(twin.wait_for_first_views()); twin.pause(); print(twin._process.pid, flush=True)\n"
         "time.sleep(1000)"
     )
-    parent = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
-    assert parent.stdout is not None
-    child = Path("/proc") / parent.stdout.readline().strip()
-    assert (child / "stat").read_text().rpartition(")")[2].split()[0] == "T"
-    parent.kill()
-    parent.communicate()
-    while child.exists() and (child / "stat").read_text().rpartition(")")[2].split()[0] not in "ZX":
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        child = Path("/proc") / parent.stdout.readline().strip() / "stat"
+        while _state(child) != "T":
+            time.sleep(0.01)
+        parent.kill()
+    while _state(child) not in "ZX":
         time.sleep(0.01)
     twin = DemoTwin(folder, SCALE, 1)
     twin.start()
@@ -103,6 +112,27 @@ def test_one_that_stands_still_ends_with_its_parent_and_leaves_the_place_free(tm
         asyncio.run(twin.wait_for_first_views())
     finally:
         twin.stop()
+
+
+def test_two_demos_share_a_twin_and_the_second_goes_on_alone(tmp_path: Path) -> None:
+    first, second = (DemoTwin(tmp_path / "museum", SCALE, 10_000) for _ in range(2))
+
+    async def play() -> None:
+        first.start()
+        await first.wait_for_first_views()
+        second.start()
+        await second.wait_for_first_views()
+        assert second.frame(0).there
+        first.stop()
+        assert not list(tmp_path.iterdir())
+        await second.wait_for_first_views()
+        assert second.frame(0).there
+
+    try:
+        asyncio.run(asyncio.wait_for(play(), HANG_S))
+    finally:
+        second.stop()
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_keeps_it_from_being_made_is_told(tmp_path: Path) -> None:

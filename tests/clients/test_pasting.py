@@ -89,7 +89,7 @@ def test_the_link_that_serve_prints_opens_and_lets_commands_in(command: str, tmp
         done = bash(f"farside export {link} x.glb", env=environment, cwd=tmp_path)
         assert b"before the first frame" in done.stderr  # let in
         done = bash(f"farside export {link.partition('?')[0]} x.glb", env=environment, cwd=tmp_path)
-        assert b"token: another: expected the server's token" in done.stderr
+        assert b"token: none: expected the server's token" in done.stderr
     finally:
         serving.terminate()
         serving.communicate(timeout=HANG_S)

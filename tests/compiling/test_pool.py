@@ -81,6 +81,33 @@ def test_nothing_is_started_when_all_are_known_to_be_there(folder: Path, monkeyp
     assert not any(note.is_file() for note in pool._notes("fast"))
 
 
+@pytest.mark.parametrize("damage", ["shorter", "gone", "no note"])
+def test_what_is_damaged_is_compiled_again(folder: Path, monkeypatch: pytest.MonkeyPatch, damage: str) -> None:
+    _small(monkeypatch, 2)
+    Compiling(("fast",), 1).run()
+    (note,), answers, ask = list(folder.glob("all-for-fast-*")), list[str](), pool._ask
+    files = sorted(folder.glob("*/*.nbc"))
+    assert files
+    if damage == "no note":
+        note.write_text(note.read_text()[:-3])
+    for file in files if damage != "no note" else ():
+        file.unlink() if damage == "gone" else file.write_bytes(file.read_bytes()[:100])
+
+    def noted(process: subprocess.Popen[str], line: str) -> str:
+        answers.append(ask(process, line))
+        return answers[-1]
+
+    monkeypatch.setattr(pool, "_ask", noted)
+    again = Compiling(("fast",), 1)
+    assert again.progress.done == 0
+    again.run()
+    assert ("compiled" in answers) == (damage != "no note")
+    assert set(answers) <= {"compiled", "known"}
+    answers.clear()
+    Compiling(("fast",), 1).run()
+    assert answers == []
+
+
 def test_nothing_is_started_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     _small(monkeypatch, 2)
     monkeypatch.setattr(pool, "base_folder", lambda: None)

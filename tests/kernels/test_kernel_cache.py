@@ -38,7 +38,7 @@ def package(tmp_path: Path) -> Path:
     support.mkdir()
     for folder in (base, base.parent, base.parents[1], support):
         (folder / "__init__.py").touch()
-    copied = ("jit", "kernel_cache", "outline", "private", "share")
+    copied = ("jit", "kernel", "kernel_cache", "outline", "private", "share")
     for path in (*(f"kernels/base/{name}" for name in copied), "support/kernel_folders"):
         (tmp_path / "pack" / f"{path}.py").write_text((ENGINE / f"{path}.py").read_text())
     (base / "callee.py").write_text(CALLEE.format(factor=2))

@@ -67,3 +67,17 @@ def test_the_fault_says_how_far():
     watch = PoseWatch(FPS)
     watch.jump(0, at(0.0))
     assert str(watch.jump(1, at(30.0, math.pi / 2))) == "pose: jumps by 30 m and 90 degrees"
+
+
+def test_no_camera_is_believed_to_be_far_from_its_rig_however_often_it_says_so() -> None:
+    far = Pose((1e12, 0.0, 0.0))
+    watch = PoseWatch(FPS, Pose((3.0, 0.0, 0.0)))
+    for frame in range(0, 40, 2):
+        fault = watch.jump(frame, Pose((-1e9 * frame - 2e5, 0.0, 0.0)))
+        assert fault is not None
+        assert str(fault).startswith("pose: is ")
+        assert watch.jump(frame + 1, Pose((3.0 + 0.1 * frame, 0.0, 0.0))) is None
+    watch = PoseWatch(FPS)  # what is not announced begins anywhere
+    assert watch.jump(0, far) is None
+    assert watch.jump(1, Pose((1e12, 1.0, 0.0))) is None
+    assert str(watch.jump(2, Pose())) == "pose: is 1e+12 m from where the camera was first: expected at most 100000 m"

@@ -299,7 +299,7 @@ def test_tokens() -> None:
 
         async def scenario() -> None:
             for hello in (VIEWER, SOURCE):
-                with pytest.raises(RefusedError, match="token: another: expected the server's token"):
+                with pytest.raises(RefusedError, match="token: none: expected the server's token"):
                     async with connect(url, hello):
                         pass
             named = SourceHello("walls", 30.0, CAMERAS, token="sesame")
@@ -414,13 +414,13 @@ RAW = {
         "none",
         [VIEWER_MAP | {"features": {"required": ["scenes"]}}],
         4410,
-        "features.required: scenes: expected one of queries",
+        "features.required: scenes: expected one of effects, queries",
     ),
     "a feature of the other role": (
         "none",
         [VIEWER_MAP | {"features": {"optional": ["scenes"], "required": ["missing_views"]}}],
         4410,
-        "features.required: missing_views: expected one of queries",
+        "features.required: missing_views: expected one of effects, queries",
     ),
     "features that are no map": ("none", [VIEWER_MAP | {"features": ["scenes"]}], 4400, "features: .*: expected a map"),
     "a feature that is no text": (
@@ -736,8 +736,8 @@ def test_no_server_there() -> None:
 
     with pytest.raises(ConnectionError, match=f"no server at 127.0.0.1:{port}"):
         asyncio.run(persist(attempt, 0.15, told.append, 0.05))
-    assert told
-    assert all("trying again" in line for line in told)
+    assert len(told) == 1  # however often it is tried
+    assert "trying again" in told[0]
 
 
 def test_a_refusal_is_not_tried_again() -> None:

@@ -25,7 +25,7 @@ import numba
 from numba.core import caching
 from numba.core.serialize import dumps
 
-from ...support.kernel_folders import SHIPPED, base_folder, bases, digest, tell_once
+from ...support.kernel_folders import SHIPPED, base_folder, bases, folder_of, tell_once
 
 __all__ = ["keeping"]
 
@@ -55,7 +55,7 @@ def keeping(source: Path) -> Iterator[bool]:
 def _folders(base: Path | None, source: Path) -> tuple[Path | None, list[Path]]:
     """The folder into which kernels of a file are written, if there is one, and folders that are only read: those that
     came with Farside, or that somebody else has filled."""
-    name = f"{source.stem}-{digest(source)}"
+    name = folder_of(source)
     others = [each / name for each in itertools.takewhile(lambda each: each != base, bases())]
     shipped = [folder for folder in (*others, *SHIPPED.glob(f"*/{name}")) if folder.is_dir()]
     if base is not None:
@@ -122,10 +122,14 @@ class Kept:
             return
         packed = dumps(data)
         try:
-            with tempfile.NamedTemporaryFile(dir=self._own, prefix=".", delete=False) as file:
+            with (
+                tempfile.NamedTemporaryFile(dir=self._own, prefix=".", delete=False) as file,
+                _gone_after_errors(file.name),
+            ):
                 file.write(_sum_of(key, packed) + packed)
-            os.chmod(file.name, 0o644)
-            os.replace(file.name, self._own / self._file(key))
+                file.flush()
+                os.chmod(file.name, 0o644)
+                os.replace(file.name, self._own / self._file(key))
         except OSError as error:
             tell_once(f"a kernel is not kept: {error}")
 
@@ -133,6 +137,15 @@ class Kept:
         """Forget the kernels of the function."""
         for path in self._own.glob(f"{self._name}.*.nbc") if self._own else ():
             path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _gone_after_errors(path: str) -> Iterator[None]:
+    try:
+        yield
+    except BaseException:
+        os.unlink(path)
+        raise
 
 
 def _sum_of(key: Any, data: bytes) -> bytes:
