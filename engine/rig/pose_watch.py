@@ -10,7 +10,7 @@ from .frame import Fault
 __all__ = ["PoseWatch", "not_a_pose"]
 
 _SPEED, _TURN = 50.0, 30.0  # of a camera that somebody carries, throws or drives about: m/s, rad/s
-_FARTHEST_M = 1e5  # from where it began: single precision, in which rays are cast, tells a centimetre there
+_FARTHEST_M = 1e5  # from where it was announced: single precision, in which rays are cast, tells a centimetre there
 _ROW = 3  # jumps in a row after which the camera does move like this
 
 
@@ -26,20 +26,21 @@ class PoseWatch:
     A pose is believed if the camera can have come there from the last believed pose, or from the pose before, believed
     or not: a camera that has really been put elsewhere is left out of one frame only. A camera whose poses jump all the
     time moves so fast: after a few jumps faster movement is believed of it. No camera is believed to be 100 km from
-    where it was announced or, if that is not known, from where it began.
+    where it was announced.
     """
 
     def __init__(self, fps: float, announced: Pose | None = None) -> None:
-        self._fps, self._home = fps, announced
+        self._fps, self._announced = fps, announced
         self._believed: tuple[int, Pose] | None = None
         self._before: tuple[int, Pose] | None = None
         self._slack, self._row = 1.0, 0
 
     def jump(self, frame: int, pose: Pose) -> Fault | None:
         """The fault of the pose in a frame, whose number is larger than the one before; None if it is believed."""
-        self._home = home = self._home or pose
-        if (away := math.dist(home.position, pose.position)) > _FARTHEST_M:
-            return Fault("pose", f"is {away:.3g} m from where the camera was first: expected at most {_FARTHEST_M:g} m")
+        away = math.dist(self._announced.position, pose.position) if self._announced else 0.0
+        if away > _FARTHEST_M:
+            said = f"is {away:.3g} m from where the camera was announced"
+            return Fault("pose", f"{said}: expected at most {_FARTHEST_M:g} m")
         believed, before, now = self._believed, self._before, (frame, pose)
         self._before = now
         if believed is not None and before is not None:
