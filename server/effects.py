@@ -12,6 +12,7 @@ from farside.engine.live.scene_effects import SceneEffects
 from farside.engine.rig.effects import AddedMesh, Effect, Projector
 from fastapi import APIRouter, HTTPException, Request
 
+from .body import read_body
 from .effect_messages import EffectRemoval, EffectUpdate
 from .fields import CloseCode, ProtocolError, Reader
 from .protocol import AXES, MAX_CONTROL_BYTES, pose_from_wire, pose_to_wire
@@ -78,21 +79,10 @@ def _described(name: str, effect: Effect) -> dict[str, Any]:
     return {key: value for key, value in update._fields().items() if key != "name"}
 
 
-async def _body(request: Request, most: int) -> bytes:
-    """A request's body; HTTPException 413 where it is longer than `most` bytes."""
-    parts, size = [], 0
-    async for part in request.stream():
-        size += len(part)
-        if size > most:
-            raise HTTPException(413, f"body: more than {most} bytes: expected at most {most}")
-        parts.append(part)
-    return b"".join(parts)
-
-
 async def _asked(request: Request, name: str) -> Effect:
     """The effect that a request's JSON describes; HTTPException 400 for what it does not describe rightly."""
     try:
-        fields = json.loads(await _body(request, MAX_CONTROL_BYTES))
+        fields = json.loads(await read_body(request, MAX_CONTROL_BYTES))
     except (RecursionError, ValueError) as error:
         raise HTTPException(400, f"body: {error}: expected JSON") from error
     try:
@@ -130,7 +120,7 @@ def effect_router(service: Callable[[], Service]) -> APIRouter:
             raise HTTPException(409, f"{what}: for a {kinds[0]}: expected it for a {kinds[1]}")
         if isinstance(effect, Projector) and effect.camera:
             raise HTTPException(409, f"picture: for a projector of camera {effect.camera}: expected none")
-        data = await _body(request, MOST_BYTES)
+        data = await read_body(request, MOST_BYTES)
         try:
             content = await asyncio.to_thread(read, data)
         except ValueError as error:

@@ -19,6 +19,7 @@ from farside.engine.live.core import CoreLostError
 from farside.engine.rig.questions import NoModelError, Points, Rays, Spheres
 from fastapi import HTTPException, Request, Response
 
+from .body import read_body
 from .service import Service
 from .unpack import unpack
 
@@ -56,7 +57,11 @@ async def answer_query(service: Service, request: Request) -> Response:
     if kind not in (JSON, MSGPACK):
         raise HTTPException(415, f"content-type: {kind or 'none'}: expected {JSON} or {MSGPACK}")
     most = service.settings.max_query_bytes
-    body = await _body(request, min(most, JSON_BYTES) if kind == JSON else most)
+    longest = min(most, JSON_BYTES) if kind == JSON else most
+    announced = request.headers.get("content-length", "")
+    if announced.isdecimal() and int(announced) > longest:
+        raise HTTPException(413, f"body: {announced} bytes: expected at most {longest}")
+    body = await read_body(request, longest)
     try:
         question, arguments, floats = await asyncio.to_thread(_read, body, kind, service.settings.max_queries)
         answer = await service.live.model.query(question, arguments)
@@ -67,20 +72,6 @@ async def answer_query(service: Service, request: Request) -> Response:
     except CoreLostError as error:
         raise HTTPException(503, str(error)) from error
     return Response(await asyncio.to_thread(_write, answer, kind, floats), media_type=kind)
-
-
-async def _body(request: Request, most: int) -> bytes:
-    """A request's body of at most `most` bytes."""
-    announced = request.headers.get("content-length", "")
-    if announced.isdecimal() and int(announced) > most:
-        raise HTTPException(413, f"body: {announced} bytes: expected at most {most}")
-    parts, size = [], 0
-    async for part in request.stream():
-        size += len(part)
-        if size > most:
-            raise HTTPException(413, f"body: more than {most} bytes: expected at most {most}")
-        parts.append(part)
-    return b"".join(parts)
 
 
 def _read(body: bytes, kind: str, most: int) -> tuple[str, dict[str, Any], str]:
