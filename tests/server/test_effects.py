@@ -7,7 +7,7 @@ import asyncio
 import http.client
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -57,17 +57,6 @@ def ask(url: str, method: str, path: str, body: Any = None, **headers: str) -> t
         return answer.status, json.loads(text) if text[:1] in ("{", "[") else text
     finally:
         client.close()
-
-
-@pytest.fixture
-def cores() -> Cores:
-    return Cores()
-
-
-@pytest.fixture
-def url(cores: Cores) -> Iterator[str]:
-    with running(cores) as address:
-        yield address
 
 
 def test_effects_are_put_moved_asked_for_and_removed(url: str) -> None:

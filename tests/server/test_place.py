@@ -52,12 +52,6 @@ def cores() -> Cores:
     return Cores()
 
 
-@pytest.fixture
-def url(cores: Cores) -> Iterator[str]:
-    with running(cores) as address:
-        yield address
-
-
 run = partial(run_within, 2 * HANG_S)
 
 

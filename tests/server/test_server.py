@@ -10,7 +10,7 @@ import re
 import socket
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -50,17 +50,6 @@ from websockets.exceptions import ConnectionClosed
 HANG_S = 30.0
 SOURCE = SourceHello("walls", 30.0, CAMERAS)
 VIEWER = ViewerHello.symmetric(32, 24, 1.5)
-
-
-@pytest.fixture
-def cores() -> Cores:
-    return Cores()
-
-
-@pytest.fixture
-def url(cores: Cores) -> Iterator[str]:
-    with running(cores) as address:
-        yield address
 
 
 run = partial(run_within, HANG_S)
