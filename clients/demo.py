@@ -137,7 +137,9 @@ class _Show:
                 self._twin.stop()
 
     def _preparing(self) -> str:
-        return f"making the sequence: {self._twin.first_views} of {FIRST_VIEWS} views" if self._twin else ""
+        if self._twin is None or self._waiting is not None:  # the replay has begun
+            return ""
+        return f"making the sequence: {self._twin.first_views} of {FIRST_VIEWS} views"
 
     async def _replay(self) -> None:
         while not self._server.started:
