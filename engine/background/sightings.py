@@ -22,6 +22,8 @@ from .capture import Capture, Captures, Remains
 
 __all__ = ["Sightings"]
 
+_LOOKING = 6  # cameras that look in each frame; with 24, each does in every fourth frame
+
 
 class Sightings:
     """The stamps of all captures. frame: the number of frames so far, which is the newest one's number.
@@ -34,6 +36,7 @@ class Sightings:
         self.ready = False  # whether there is a model that can be asked
         self._known: dict[int, tuple[Capture | Remains, I32]] = {}  # by number; stamps [rows, columns]
         self._restored = False
+        self._next = 0  # the first camera that looks in the next frame
 
     def resume(self) -> None:
         """The model is a saved one: its captures were seen nobody knows when."""
@@ -43,28 +46,38 @@ class Sightings:
         """Notes what the views of a frame show; cameras: those that are where their current captures began, and are not
         left out of the frame."""
         self.frame += 1
-        self._follow(captures)
-        for c in cameras:
+        new = self._follow(captures)
+        for c in {*self._turn(cameras), *new.intersection(cameras)}:
             capture = captures.current[c]
             stamps, image = self._known[capture.number][1], capture.image
             coding = image.camera.depth.packed()
             note_seen(frame.views[c].codes, image.codes, coding, delta, self.frame, stamps)
         self.ready, self._restored = True, False
 
-    def _follow(self, captures: Captures) -> None:
-        """Gives new captures their stamps, and forgets those that are gone."""
-        before, now = dict(self._known), dict[int, tuple[Capture | Remains, I32]]()
+    def _turn(self, cameras: Sequence[int]) -> list[int]:
+        """The cameras that look in this frame, among those that can."""
+        later, earlier = [c for c in cameras if c >= self._next], [c for c in cameras if c < self._next]
+        looking = (later + earlier)[:_LOOKING]
+        if looking:
+            self._next = looking[-1] + 1
+        return looking
+
+    def _follow(self, captures: Captures) -> set[int]:
+        """Gives new captures their stamps, and forgets those that are gone. Returns the cameras of new captures."""
+        before, now, new = dict(self._known), dict[int, tuple[Capture | Remains, I32]](), set[int]()
         for capture in captures:
             known = before.get(capture.number)
             if known is not None and known[0] is capture:
                 now[capture.number] = before.pop(capture.number)
             else:
                 now[capture.number] = capture, self._new(capture)
+                new.add(capture.camera)
         for capture, stamps in now.values():
             if isinstance(capture, Remains) and stamps[0, 0] < 0:
                 gone = [_earliest(*each) for each in before.values() if each[0].camera == capture.camera]
                 stamps[:] = min(gone, default=0)
         self._known = now  # as a whole: other threads read it
+        return new
 
     def _new(self, capture: Capture | Remains) -> I32:
         """A new capture's stamps: not yet seen; those of remains are -1 until they are known."""

@@ -31,9 +31,9 @@ class Hits:
     metres in the world, and unit normals float32 [n, 3] on the side that the ray or point is on (NaN: nothing).
 
     ages int32 [n]: how many frames ago the reference camera that the surface stems from last saw it there (0: in the
-    newest frame), see `background.sightings`; -1: nobody knows, or nothing was found. Of a camera that has moved, at
-    most that many: since it saw the surface from where it was then. frame: the number of frames that the model has
-    taken.
+    newest frame; in a rig of more than six, the true number may be a few frames lower), see `background.sightings`; -1:
+    nobody knows, or nothing was found. Of a camera that has moved, at most that many: since it saw the surface from
+    where it was then. frame: the number of frames that the model has taken.
     """
 
     distances: F32

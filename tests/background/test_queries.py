@@ -217,6 +217,18 @@ def test_only_what_stands_in_the_way_ages():
     assert BOX_X < WALL_X
 
 
+def test_in_a_large_rig_cameras_look_in_turn_and_all_of_them_in_the_first_frame():
+    cameras = camera_row(14, spacing=0.1)
+    model, _report = model_of(cameras, frame(0, cameras))
+    ahead = [[0.0, y, 0.0] for y in np.linspace(-2.0, 2.0, 41)], [[1.0, 0.0, 0.0]] * 41
+    assert (model.queries.cast_rays(*ahead).ages == 0).all()
+    for index in range(1, 9):
+        model.update(frame(index, cameras))
+        ages = model.queries.cast_rays(*ahead).ages
+        assert ages.min() >= 0
+        assert ages.max() <= 2  # 14 cameras, of which 6 look in each frame
+
+
 def test_a_model_that_is_continued_does_not_know_when_its_surfaces_were_seen():
     cameras = camera_row()
     model, _report = model_of(cameras, frame(0, cameras))
