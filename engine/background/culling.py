@@ -109,7 +109,7 @@ class ForegroundCulling:
         if not self._cameras.moving:
             return 0
         bits = _bits(self._pbs, sorted(self._cameras.moving))
-        codes = int(view.addresses(measured=True)[0])
+        codes = view.addresses(measured=True)[0]
         surfaces, forgotten = list(self._pbs.surfaces()), 0
         step = max(1, -(-sum(len(surface.invalid) for surface in surfaces) // _LOOKED_AT))
         self.looks[camera] += 1

@@ -60,6 +60,7 @@ class PreparedView:
     _lock: threading.RLock = field(default_factory=threading.RLock)
     _completed: Completed | None = None
     _cuts: npt.NDArray[np.uint8] | None = None
+    _addresses: dict[bool, list[int]] = field(default_factory=dict)  # by `measured`: each picture asks for them
 
     @property
     def completed(self) -> Completed:
@@ -141,11 +142,16 @@ class PreparedView:
         row[view_table.TONE :] = IDENTITY
         return row
 
-    def addresses(self, *, measured: bool = False) -> npt.NDArray[np.int64]:  # [4]
+    def addresses(self, *, measured: bool = False) -> list[int]:  # [4]
         """Addresses of the codes, completed or as measured, and of the colour planes.
 
         Raises ValueError if a plane is not C-contiguous uint16, or smaller than 4 x 4 pixels.
         """
+        if measured not in self._addresses:
+            self._addresses[measured] = self._find_addresses(measured)
+        return self._addresses[measured]
+
+    def _find_addresses(self, measured: bool) -> list[int]:
         texture = self.view.texture
         codes = self.view.codes if measured else self.completed.codes
         planes = (codes, texture.y, texture.cb, texture.cr)
@@ -153,7 +159,7 @@ class PreparedView:
             raise ValueError(f"view {self.view.camera.name}: planes: expected C-contiguous uint16")
         if min(codes.shape) < 4:
             raise ValueError(f"view {self.view.camera.name}: size {codes.shape}: expected at least 4 x 4 pixels")
-        return np.array([address_of(plane) for plane in planes], np.int64)
+        return [address_of(plane) for plane in planes]
 
     def level(self, wanted: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
         """The view halved `wanted` times, or as often as its size allows, as `kernels.base.view_table` reads it: the

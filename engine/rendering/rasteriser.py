@@ -22,6 +22,7 @@ __all__ = ["Rasteriser"]
 _NOTHING = np.empty((0, 0), np.float32)
 _BANDS = 16
 _CHUNKS = 4
+_PARTS = np.arange(_CHUNKS + 1)
 _FEW = 20000  # points and triangles below which threads cost more time than they save
 
 
@@ -55,15 +56,16 @@ class Rasteriser:
         visible = visible[: blocks.visible_blocks(mesh.spheres, target.packed, near, tiles, visible)]
         if len(visible) == 0:
             return 0
-        with one_thread((starts[visible + 1] - starts[visible]).sum() < _FEW):
-            nearer = self._room("_nearer", len(mesh.points) + BEYOND)
-            return self._draw(mesh, visible, target, number, near, margin, buffer, Regions(tiles, open_tiles, nearer))
+        sizes = starts[visible + 1] - starts[visible]  # points and triangles
+        with one_thread(sizes.sum() < _FEW):
+            regions = Regions(tiles, open_tiles, self._room("_nearer", len(mesh.points) + BEYOND))
+            return self._draw(mesh, visible, sizes[:, 1], target, number, near, margin, buffer, regions)
 
     def _draw(
-        self, mesh: Mesh, visible: I64, target: Target, number: int, near: float, margin: float, buffer: DepthBuffer,
-        regions: Regions,
+        self, mesh: Mesh, visible: I64, triangles: I64, target: Target, number: int, near: float, margin: float,
+        buffer: DepthBuffer, regions: Regions,
     ) -> int:  # fmt: skip
-        """Draw the visible blocks of a mesh."""
+        """Draw the visible blocks of a mesh; triangles: how many each of them has."""
         camera, starts = target.packed, mesh.starts
         screen = self._room("_screen", len(mesh.points) * 4).reshape(-1, 4)
         drawn_before = buffer.disparity if regions.open_tiles.size else _NOTHING
@@ -71,11 +73,13 @@ class Rasteriser:
             mesh.points, starts, visible, camera, drawn_before, margin, screen, regions.nearer
         )
         # Chunks of blocks with about as many triangles each.
-        sums = np.concatenate([[0], np.cumsum(starts[visible + 1, 1] - starts[visible, 1])])
-        shares = np.searchsorted(sums, np.linspace(0, sums[-1], _CHUNKS + 1))
+        sums = np.zeros(len(visible) + 1, np.int64)
+        np.cumsum(triangles, out=sums[1:])
+        shares = np.searchsorted(sums, sums[-1] / _CHUNKS * _PARTS)
         shares[0], shares[-1] = 0, len(visible)
         drawn = np.empty(_CHUNKS, np.int64)
-        most = int(np.diff(sums[shares]).max())
+        ends = sums[shares]
+        most = int((ends[1:] - ends[:-1]).max())
         lists = self._room("_lists", self._counts.size * most).reshape(*self._counts.shape, most)
         shown, bands = VisibleBlocks(starts, visible, shares), Bands(self._band_rows, self._counts, lists)
         if len(target.directions.columns):

@@ -49,7 +49,7 @@ def test_marks_are_forgotten_where_a_view_sees_past_a_triangle(lens, seed, first
             expected[i] &= ~bits
             forgotten += 1
     prepared = PreparedView(view, TriangulationOptions(0.0, 0.2), np.zeros(3))
-    codes = int(prepared.addresses(measured=True)[0])
+    codes = prepared.addresses(measured=True)[0]
     found = forget_seen_past(prepared.table_row, codes, mesh, invalid, DELTA, bits, first, step, marks)
     assert found == forgotten
     assert (forgotten > 2) == (step < 900)
@@ -79,5 +79,5 @@ def test_a_view_of_the_same_surface_forgets_nothing():
     marks = np.ones((100, 1), np.uint64)
     prepared = PreparedView(view, TriangulationOptions(0.0, 0.2), np.zeros(3))
     invalid = np.zeros(100, np.uint8)
-    row, codes = prepared.table_row, int(prepared.addresses(measured=True)[0])
+    row, codes = prepared.table_row, prepared.addresses(measured=True)[0]
     assert forget_seen_past(row, codes, mesh, invalid, DELTA, np.ones(1, np.uint64), 0, 1, marks) == 0

@@ -142,7 +142,7 @@ def test_the_search_finds_what_a_view_has_on_a_ray(first):
     depth = eye.depth.depth(truth.codes)
     found = np.zeros(depth.shape)
     for y, x in np.ndindex(*depth.shape):
-        found[y, x] = present_depth(view.table_row, int(view.addresses()[0]), eye.packed(), x, y, first)
+        found[y, x] = present_depth(view.table_row, view.addresses()[0], eye.packed(), x, y, first)
     right = np.isclose(found, depth, rtol=0.01)
     # Only pixels at the box's outline are wrong, and those between it and the surface that the other camera sees there.
     assert np.mean((found > 0) & ~right) < 0.02
