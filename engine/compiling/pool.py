@@ -135,7 +135,8 @@ class Compiling:
             self._failed += answer not in ("compiled", "known")
             self._done.add(number)
             for use in self._uses if not self._failed else ():
-                if self._done.issuperset(needed_for([use])):
+                needed = needed_for([use])
+                if number in needed and self._done.issuperset(needed):  # it was the last one
                     _leave_note(use)
             self._condition.notify_all()
         self._changed(self.progress)

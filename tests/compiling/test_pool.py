@@ -81,6 +81,16 @@ def test_nothing_is_started_when_all_are_known_to_be_there(folder: Path, monkeyp
     assert not any(note.is_file() for note in pool._notes("fast"))
 
 
+def test_a_note_is_left_once_for_each_use(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = [kernel for kernel in needed.read() if not kernel.after and kernel.name][:4]
+    uses = ("fast",), ("fast", "best"), ("best",), ("best",)
+    _use(monkeypatch, *(Kernel(k.module, k.name, k.types, (), use) for k, use in zip(listed, uses, strict=True)))
+    notes = list[str]()
+    monkeypatch.setattr(pool, "_leave_note", notes.append)
+    Compiling(("fast", "best"), 1).run()
+    assert notes == ["fast", "best"]
+
+
 @pytest.mark.parametrize("damage", ["shorter", "gone", "no note"])
 def test_what_is_damaged_is_compiled_again(folder: Path, monkeypatch: pytest.MonkeyPatch, damage: str) -> None:
     _small(monkeypatch, 2)
