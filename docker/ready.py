@@ -3,12 +3,20 @@
 import http.client  # not urllib, which would ask the proxy that Docker may set in containers
 import json
 import os
+import ssl
 import sys
 
 
-def is_ready(port: int) -> bool:
-    """Whether the server on a port of this machine is ready."""
-    connection = http.client.HTTPConnection("localhost", port, timeout=4)
+def is_ready(port: int, *, secure: bool) -> bool:
+    """Whether the server on a port of this machine is ready; secure: it has a certificate."""
+    if secure:
+        trusting = ssl.create_default_context()  # it is ours, and its certificate is for its public name
+        trusting.check_hostname, trusting.verify_mode = False, ssl.CERT_NONE
+        connection: http.client.HTTPConnection = http.client.HTTPSConnection(
+            "localhost", port, timeout=4, context=trusting
+        )
+    else:
+        connection = http.client.HTTPConnection("localhost", port, timeout=4)
     try:
         connection.request("GET", "/status?seconds=1")
         kernels = json.load(connection.getresponse())["kernels"]
@@ -20,4 +28,5 @@ def is_ready(port: int) -> bool:
 
 
 if __name__ == "__main__":
-    sys.exit(not is_ready(int(os.environ.get("FARSIDE_PORT") or 8765)))
+    port, certificate = os.environ.get("FARSIDE_PORT"), os.environ.get("FARSIDE_SSL_CERTFILE")
+    sys.exit(not is_ready(int(port or 8765), secure=bool(certificate)))

@@ -20,6 +20,7 @@ import pytest
 from farside.clients.cli import COMMANDS
 from farside.engine.compiling.pool import Progress
 from farside.engine.support.cpu_level import cpu_level
+from support.certificates import make_certificates
 from support.checkout import ROOT, copy_checkout
 from support.doubles import FakeCore
 from support.serving import running
@@ -55,16 +56,23 @@ def in_image(image: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*entry, *arguments], cwd=image, capture_output=True, text=True, timeout=300)
 
 
+@pytest.mark.parametrize("secure", [False, True])
 @pytest.mark.parametrize("state", ["ready", "compiling", "absent"])
 def test_the_health_check_waits_for_a_server_that_is_ready_and_asks_no_proxy(
-    state: str, monkeypatch: pytest.MonkeyPatch
+    state: str, secure: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (check,) = steps("HEALTHCHECK")
     python, script = json.loads(check.partition("CMD ")[2])
     assert python == ".venv/bin/python"
     monkeypatch.setenv("http_proxy", "http://127.0.0.1:9")
-    kernels = SimpleNamespace(progress=Progress(2, 2 + (state == "compiling")), start=list, stop=list)
-    with running(FakeCore, kernels, host="localhost") as url:
+    progress = Progress(2, 2 + (state == "compiling"))
+    kernels = SimpleNamespace(progress=progress, first=progress, start=list, stop=list)
+    given = {"host": "localhost"}
+    if secure:
+        files = make_certificates(tmp_path)
+        given |= {"ssl_certfile": str(files.certificate), "ssl_keyfile": str(files.key)}
+        monkeypatch.setenv("FARSIDE_SSL_CERTFILE", str(files.certificate))
+    with running(FakeCore, kernels, **given) as url:
         monkeypatch.setenv("FARSIDE_PORT", "9" if state == "absent" else str(urlsplit(url).port))
         done = subprocess.run([sys.executable, ROOT / script], capture_output=True, timeout=60)
     assert (done.returncode == 0) is (state == "ready"), done.stderr
