@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import os
 import sys
 from importlib.metadata import version
 from typing import Annotated, Any, NoReturn
@@ -75,12 +76,20 @@ def _farside(
     """Farside: live stereo rendering of immersive video with a progressive 3D background model."""
 
 
+def _check_threads() -> None:
+    """Raises ValueError for a number of threads that Numba would refuse without its name."""
+    wanted = os.environ.get("NUMBA_NUM_THREADS")
+    if wanted is not None and not (wanted.isdecimal() and int(wanted) > 0):
+        raise ValueError(f"NUMBA_NUM_THREADS: {wanted!r}: expected a whole number above 0, or that it is not set")
+
+
 def main() -> NoReturn:
     """Run the command line; bad input (ValueError, OSError) becomes one line on stderr and exit code 2."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")  # names of files that are no text are printed as they are
     try:
         end_soon()
+        _check_threads()
         app()
     except KeyboardInterrupt:
         sys.exit(130)

@@ -87,9 +87,10 @@ def bases() -> Iterator[Path]:
 
 
 def user_cache() -> Path:
-    """The program's folder in the user's cache: in $XDG_CACHE_HOME, or in .cache in the home folder. Raises
-    RuntimeError where there is no home."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "farside"
+    """The program's folder in the user's cache: in $XDG_CACHE_HOME, if that is an absolute path (XDG Base Directory
+    Specification), or in .cache in the home folder. Raises RuntimeError where there is no home."""
+    chosen = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return (chosen if chosen.is_absolute() else Path("~/.cache").expanduser()) / "farside"
 
 
 def tell_once(what: str) -> None:
