@@ -123,11 +123,15 @@ class Service:
         }
 
     def _kernels(self) -> dict[str, int] | None:
-        """How many kernels are ready, of how many that the server's settings need; None: another program sees to it."""
+        """How many kernels are ready, of how many that the server's settings need, and of those that the first picture
+        needs; None: another program sees to it."""
         if self.compiling is None:
             return None
-        progress = self.compiling.progress
-        return {"ready": progress.done, "of": progress.total, "failed": progress.failed}
+        all_, first = self.compiling.progress, self.compiling.first
+        return {
+            "ready": all_.done, "of": all_.total, "failed": all_.failed, "first_ready": first.done,
+            "first_of": first.total,
+        }  # fmt: skip
 
 
 async def send(socket: WebSocket, message: Message) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -52,6 +53,13 @@ class Compiling:
     def progress(self) -> Progress:
         """How far it is."""
         return Progress(len(self._done), len(self._numbers), self._failed)
+
+    @property
+    def first(self) -> Progress:
+        """How far it is with what the first picture needs: "picture" and what comes before it, or else all."""
+        uses = self._uses[: self._uses.index("picture") + 1] if "picture" in self._uses else self._uses
+        numbers = set(needed_for(uses))
+        return Progress(len(self._done & numbers), len(numbers), self._failed)
 
     @property
     def finished(self) -> bool:
@@ -197,7 +205,8 @@ def _sources() -> list[Path]:
 @cache
 def _state() -> str:
     """What all kernels depend on, in 16 characters: their files, the list, the compiler, the CPU."""
-    found = sha256(NEEDED.read_bytes() + (chosen_cpu() or this_cpu()).encode())
+    cpu = f"{chosen_cpu() or this_cpu()} {os.environ.get('NUMBA_CPU_FEATURES', '')}"
+    found = sha256(NEEDED.read_bytes() + cpu.encode())
     for path in _sources():
         found.update(digest(path).encode())
     return found.hexdigest()[:16]

@@ -52,8 +52,8 @@ function connect() {
   socket.onclose = (event) => {
     state.socket = null;
     if (socket.resized) { connect(); return; }
-    if (event.code === TOKEN_REFUSED) { say(`${refusal || event.reason}: open the address that the server printed`); return; }
-    say(`no connection: ${refusal || event.reason || "the server does not answer"}; trying again`);
+    if (event.code === TOKEN_REFUSED) { complain(`${refusal || event.reason}: open the address that the server printed`); return; }
+    complain(`no connection: ${refusal || event.reason || "the server does not answer"}; trying again`);
     setTimeout(connect, RETRY_MS);
   };
 }
@@ -63,8 +63,8 @@ async function tellProgress(socket) {
   while (state.socket === socket && state.seen === 0) {
     const status = await fetch(new URL("status", document.baseURI)).then((answer) => answer.json()).catch(() => null);
     if (state.socket !== socket || state.seen > 0) return;
-    const { ready, of } = status?.kernels ?? { ready: 0, of: 0 };
-    if (ready < of) say(`compiling kernels: ${ready} of ${of} (the first time only)`);
+    const { first_ready: ready, first_of: of } = status?.kernels ?? { first_ready: 0, first_of: 0 };
+    if (ready < of) say(`compiling kernels for the first picture: ${ready} of ${of} (the first time only)`);
     else say(status?.source_connected ? "waiting for the first picture" : status?.preparing || "waiting for a source");
     await new Promise((resolve) => setTimeout(resolve, PROGRESS_MS));
   }
@@ -125,7 +125,12 @@ function account(stereo) {
   say("");
 }
 
-function say(text) { if (element("message").textContent !== text) element("message").textContent = text; }
+function say(text, problem = false) {
+  if (element("message").textContent !== text) element("message").textContent = text;
+  element("message").classList.toggle("problem", problem);
+}
+
+function complain(text) { say(text, true); }
 
 new ResizeObserver(resize).observe(canvas);
 element("eyes").addEventListener("change", resize);

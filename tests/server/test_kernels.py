@@ -27,7 +27,7 @@ class Kernels:
     """Kernels for a picture, and for all, that are there when a test says so."""
 
     def __init__(self) -> None:
-        self.progress = Progress(0, 2)
+        self.progress, self.first = Progress(0, 2), Progress(0, 1)
         self._there = {"picture": threading.Event(), "balanced": threading.Event()}
         self.waited = threading.Event()
 
@@ -78,7 +78,9 @@ async def _send_one(url: str) -> None:
 def test_pictures_come_before_the_model(made: list[Told]) -> None:
     kernels = Kernels()
     with running(compiling=kernels) as url:
-        assert json.loads(fetch(url, "status", timeout_s=HANG_S))["kernels"] == {"ready": 0, "of": 2, "failed": 0}
+        assert json.loads(fetch(url, "status", timeout_s=HANG_S))["kernels"] == {
+            "ready": 0, "of": 2, "failed": 0, "first_ready": 0, "first_of": 1
+        }  # fmt: skip
         sending = threading.Thread(target=lambda: asyncio.run(_send_one(url)))
         sending.start()
         assert kernels.waited.wait(HANG_S)
