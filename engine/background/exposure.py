@@ -27,7 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..geometry.prepared_view import ViewTable
-from ..kernels.background.exposure import gather_samples, solve_tones, weigh_samples
+from ..kernels.background.exposure import gather_samples, weigh_samples
+from ..kernels.background.tone_solver import solve_tones
 from ..kernels.base.tone import (
     CB_FROM_Y,
     CB_GAIN,

@@ -11,7 +11,8 @@ from farside.engine.evaluation.exposure import misexposed, random_tones, tone_er
 from farside.engine.evaluation.metrics import psnr
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.scene_scale import Scene
-from farside.engine.kernels.background.exposure import gather_samples, solve_tones, weigh_samples
+from farside.engine.kernels.background.exposure import gather_samples, weigh_samples
+from farside.engine.kernels.background.tone_solver import solve_tones
 from farside.engine.kernels.base.view_table import EDGE, TOLERANCE
 from farside.engine.pipeline.engine import Engine
 from farside.engine.rig.camera import Pose

@@ -6,8 +6,6 @@ and tint (share of the luma; 0 for luma itself) with which a view renders the co
 
 from __future__ import annotations
 
-import math
-
 import numba
 import numpy as np
 
@@ -18,16 +16,13 @@ from ..base.memory import load_u16
 from ..base.project import project_point, unproject_point
 from ..base.view_table import EDGE, INVALID, OFFSET, STEP, TOLERANCE
 
-__all__ = ["gather_samples", "solve_tones", "weigh_samples"]
+__all__ = ["gather_samples", "weigh_samples"]
 
 BLACK, GREY = 64.0, 512.0
 _CODES, _Y, _CB, _CR = range(4)  # columns of the addresses of views
 _DARKEST, _BRIGHTEST = 72, 920  # luma codes within which a sensor is neither blocked up nor clipped
 _REACH = 2  # distance of samples from depth edges and from the border of the picture, pixels
 _LEAST_SCALE = 1.0  # least scale of residuals, codes
-# Conjugate gradients end when the square of the residual has fallen to the share _SOLVED, or after _TURNS times the
-# number of iterations that would be enough without rounding.
-_SOLVED, _TURNS = 1e-24, 4
 _SCALES = 2.0  # residual, in robust standard deviations, at which a sample has lost three quarters of its weight
 
 
@@ -112,6 +107,34 @@ def gather_samples(
         counts[p] = count
 
 
+@serial
+def _median(values: F64) -> float:
+    """The median of some values; their order changes. By Hoare's algorithm FIND (1961): NumPy's, which tells what is no
+    number apart, takes more than a second to compile."""
+    k = values.shape[0] // 2
+    low, high = 0, values.shape[0] - 1
+    while low < high:
+        pivot, i, j = values[(low + high) // 2], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if j < k < i:
+            break
+        low, high = (i, high) if k >= i else (low, j)
+    upper = values[k]
+    if values.shape[0] % 2:
+        return upper
+    lower = values[0]  # the largest of those before
+    for i in range(1, k):
+        lower = max(lower, values[i])
+    return (lower + upper) / 2
+
+
 @inlined
 def _common_luma(tone: F64, luma: float) -> float:
     return (luma - tone[0, 1]) / tone[0, 0]
@@ -128,13 +151,17 @@ def weigh_samples(samples: F32, counts: I64, nodes: I64, tones: F64, information
     basis x difference, in units of the pair's noise. Weights are Geman's and McClure's.
     """
     for p in numba.prange(nodes.shape[0]):
-        information[p] = 0.0
-        evidence[p] = 0.0
+        for channel in range(3):  # expressions of arrays take seconds to compile
+            for i in range(3):
+                evidence[p, channel, i] = 0.0
+                for j in range(3):
+                    information[p, channel, i, j] = 0.0
         count = counts[p]
         if count == 0:
             continue
         one, two = tones[nodes[p, 0]], tones[nodes[p, 1]]
-        basis, difference, residual = np.empty((count, 3)), np.empty(count), np.empty(count)
+        basis, difference = np.empty((count, 3)), np.empty(count)
+        residual, sizes = np.empty(count), np.empty(count)
         for channel in range(3):
             for k in range(count):
                 a, b = samples[p, k, 0], samples[p, k, 1]
@@ -148,7 +175,8 @@ def weigh_samples(samples: F32, counts: I64, nodes: I64, tones: F64, information
                 for i in range(3):
                     told += (one[channel, i] - two[channel, i]) * basis[k, i]
                 residual[k] = difference[k] - told
-            scale = max(1.4826 * np.median(np.abs(residual)), _LEAST_SCALE)
+                sizes[k] = abs(residual[k])
+            scale = max(1.4826 * _median(sizes), _LEAST_SCALE)
             for k in range(count):
                 off = residual[k] / (_SCALES * scale)
                 weight = 1.0 / ((1.0 + off * off) ** 2 * scale * scale)
@@ -156,85 +184,3 @@ def weigh_samples(samples: F32, counts: I64, nodes: I64, tones: F64, information
                     evidence[p, channel, i] += weight * basis[k, i] * difference[k]
                     for j in range(3):
                         information[p, channel, i, j] += weight * basis[k, i] * basis[k, j]
-
-
-@parallel
-def solve_tones(
-    information: F64, evidence: F64, nodes: I64, weights: F64, precision: F64, off: F64
-) -> None:
-    """Least squares over all pairs: the differences `off` [n, 3, 3] of the tones from the neutral tone.
-
-    information, evidence, nodes [p, 2]: see `weigh_samples`; a node of n or more is not an unknown. weights [p]: of the
-    pairs; precision [3]: of gain, offset and tint about the expected values, which `off` holds at first. The solver is
-    conjugate gradients (Hestenes and Stiefel 1952), preconditioned by the block of each tone: a view has few pairs, so
-    the work grows with the number of views, not with its cube.
-    """
-    count = off.shape[0]
-    for channel_ in numba.prange(3):
-        channel = np.int64(channel_)
-        told, tones, blocks = information[:, channel], off[:, channel], np.zeros((count, 3, 3))
-        step, towards, pulled = np.zeros((count + 1, 3)), np.zeros((count, 3)), np.zeros((count, 3))
-        step[:count] = tones  # the expected tones: the residual then has only the pairs' part of the normal equations
-        _pull(told, nodes, weights, step, pulled)
-        rest = -pulled
-        for p in range(nodes.shape[0]):
-            for side in range(2):
-                node, sign = nodes[p, side], weights[p] * (1 - 2 * side)
-                if node < count:
-                    rest[node] += sign * evidence[p, channel]
-                    blocks[node] += weights[p] * told[p]
-        for k in range(3):
-            blocks[:, k, k] += precision[k]
-        first = length = 0.0
-        for turn in range(_TURNS * 3 * count):
-            _solve_blocks(blocks, rest, towards)
-            before, length = length, (rest * towards).sum()
-            first = max(first, length)
-            if length <= _SOLVED * first:
-                break
-            for k in range(count):
-                step[k] = towards[k] + (length / before) * step[k] if turn > 0 else towards[k]
-            _pull(told, nodes, weights, step, pulled)
-            pulled += precision * step[:count]
-            share = length / (step[:count] * pulled).sum()
-            tones += share * step[:count]
-            rest -= share * pulled
-
-
-@serial
-def _pull(information: F64, nodes: I64, weights: F64, tones: F64, pulled: F64) -> None:
-    """pulled [n + 1, 3]: the product of the pairs' matrix (information [p, 3, 3]) with tones [n + 1, 3]. The last row
-    is of all nodes n or more, and is 0."""
-    count = tones.shape[0] - 1
-    pulled[:] = 0.0
-    for p in range(nodes.shape[0]):
-        a, b = min(nodes[p, 0], count), min(nodes[p, 1], count)
-        for i in range(3):
-            total = 0.0
-            for j in range(3):
-                total += information[p, i, j] * (tones[a, j] - tones[b, j])
-            if a < count:
-                pulled[a, i] += weights[p] * total
-            if b < count:
-                pulled[b, i] -= weights[p] * total
-
-
-@serial
-def _solve_blocks(blocks: F64, vectors: F64, out: F64) -> None:
-    """out [n, 3]: the solutions of systems [n, 3, 3], symmetric and positive definite, by Cholesky's method."""
-    factor = np.empty((3, 3))
-    for n in range(blocks.shape[0]):
-        for i in range(3):
-            out[n, i] = vectors[n, i]
-            for j in range(i + 1):
-                rest = blocks[n, i, j]
-                for k in range(j):
-                    rest -= factor[i, k] * factor[j, k]
-                factor[i, j] = rest / factor[j, j] if j < i else math.sqrt(rest)
-            for k in range(i):
-                out[n, i] -= factor[i, k] * out[n, k]
-            out[n, i] /= factor[i, i]
-        for i in range(2, -1, -1):
-            for k in range(i + 1, 3):
-                out[n, i] -= factor[k, i] * out[n, k]
-            out[n, i] /= factor[i, i]

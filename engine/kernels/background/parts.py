@@ -43,7 +43,9 @@ def find_blocks(uv: F32, corners: I64, source: I64, side: int, low: I64, size: I
 @serial
 def bound_parts(uv: F32, corners: I64, part: I64, bounds: F32) -> None:
     """bounds [n, 4]: the least u and v and the largest u and v of the triangles of each part; part [m]: theirs."""
-    bounds[:, 0:2], bounds[:, 2:4] = np.inf, -np.inf
+    for i in range(bounds.shape[0]):
+        bounds[i, 0] = bounds[i, 1] = np.inf
+        bounds[i, 2] = bounds[i, 3] = -np.inf
     for i in range(corners.shape[0]):
         for k in range(3):
             for axis in range(2):

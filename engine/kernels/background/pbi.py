@@ -206,9 +206,10 @@ def _write(hits: F64, captures: I64, coding: Coding, pair: int, column: int, pic
 def _clear(pair: int, picture: Picture) -> None:
     """Makes a pair of rows of pixels holes."""
     for row in range(2 * pair, min(2 * pair + 2, picture.codes.shape[0])):
-        picture.codes[row, :] = 0
-        picture.y[row, :] = 0
-    picture.cb[pair, :], picture.cr[pair, :] = 512, 512
+        for column in range(picture.codes.shape[1]):
+            picture.codes[row, column] = picture.y[row, column] = 0
+    for half in range(picture.cb.shape[1]):
+        picture.cb[pair, half] = picture.cr[pair, half] = 512
 
 
 @parallel

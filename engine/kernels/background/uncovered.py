@@ -92,13 +92,18 @@ def _mark(cells: U8, nearest: F32, bit: int, box: tuple[float, float, float, flo
 @serial
 def _mark_view(view: F64, codes: int, flags: int, camera: F64, cells: U8, nearest: F32) -> None:
     """Marks the cells with a view's surface as _COVERED, and those with its cuts and its border as _CUT."""
+    for y in range(cells.shape[0]):
+        for x in range(cells.shape[1]):
+            cells[y, x], nearest[y, x] = 0, np.inf
     w, h = int(view[WIDTH]), int(view[HEIGHT])
     rows, columns = max(1, (h - 2) // BLOCK + 1), max(1, (w - 2) // BLOCK + 1)
     border = view[WRAPS] == 0.0
     corners, room = np.empty((2, 3, columns + 1)), np.empty((3, columns + 1))
     _look_at_corners(view, codes, camera, 0, room, corners[1])
     for row in range(rows):
-        corners[0] = corners[1]
+        for i in range(columns + 1):  # to copy an array as a whole takes long to compile
+            for k in range(3):
+                corners[0, k, i] = corners[1, k, i]
         _look_at_corners(view, codes, camera, row + 1, room, corners[1])
         for column in range(columns):
             u_low, v_low, u_high, v_high, depth, count = math.inf, math.inf, -math.inf, -math.inf, math.inf, 0
@@ -156,8 +161,7 @@ def mark_uncovered(table: F64, addresses: I64, camera: F64, reach_m: float, want
     """
     rows, columns = wanted.shape
     views = table.shape[0]
-    cells = np.zeros((views, rows, columns), np.uint8)
-    nearest = np.full((views, rows, columns), np.float32(np.inf))
+    cells, nearest = np.empty((views, rows, columns), np.uint8), np.empty((views, rows, columns), np.float32)
     for k in numba.prange(views):
         _mark_view(table[k], addresses[k, _CODES], addresses[k, _CUTS], camera, cells[k], nearest[k])
     for row in numba.prange(rows):

@@ -47,7 +47,8 @@ def note_changes(codes: U16, last: U16, tiles: U8) -> None:
     h = codes.shape[0]
     for row in numba.prange(tiles.shape[0]):
         i = int(np.int64(row))
-        tiles[i] = 0
+        for j in range(tiles.shape[2]):
+            tiles[i, 0, j] = tiles[i, 1, j] = tiles[i, 2, j] = 0
         for y in range(BLOCK * i, min(BLOCK * (i + 1), h)):
             zone = 0 if y - BLOCK * i < 3 else (2 if y - BLOCK * i >= BLOCK - 2 else 1)
             _changed_columns(codes[y], last[y], tiles[i, zone])
@@ -80,7 +81,11 @@ def changed_flags(changed: U8, wanted: U8) -> None:
     for a in range(wanted.shape[0]):
         for b in range(wanted.shape[1]):
             # The picture's last row and column may belong only to the block before.
-            wanted[a, b] = changed[max(2 * a - 1, 0) : 2 * a + 2, max(2 * b - 1, 0) : 2 * b + 2].any()
+            some = np.uint8(0)
+            for i in range(max(2 * a - 1, 0), min(2 * a + 2, changed.shape[0])):
+                for j in range(max(2 * b - 1, 0), min(2 * b + 2, changed.shape[1])):
+                    some |= changed[i, j]
+            wanted[a, b] = some != 0
 
 
 @parallel

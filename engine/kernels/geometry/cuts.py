@@ -72,10 +72,12 @@ def _mark_row(rows: U16, y: int, h: int, w: int, keep: U8, rules: CutRules, near
         words[_VALID, j] = lanes.codes_there(here + start) if has_invalid else -1
         words[_KEPT, j] = lanes.bits_of(keep.ctypes.data + LANES * j, 255) if has_keep else -1
     if y == h - 1:
-        words[_DOWN] = 0
+        for j in range(n):
+            words[_DOWN, j] = 0
     last = w - 1 - LANES * (n - 1)
     inside = -1 if last == LANES - 1 else (1 << (last + 1)) - 1
-    words[:, n - 1] &= inside
+    for k in range(4):
+        words[k, n - 1] &= inside
     if not wraps:
         words[_RIGHT, n - 1] &= ~(1 << last)
 
@@ -117,7 +119,8 @@ def _write_flags(
         target = flags.ctypes.data + LANES * j if whole else tail.ctypes.data
         lanes.bytes_from(right[j], here[_DOWN, j], broken, kept[j], here[_VALID, j], target)
         if not whole:
-            flags[LANES * j :] = tail[: w - LANES * j]
+            for x in range(LANES * j, w):
+                flags[x] = tail[x - LANES * j]
 
 
 @parallel
@@ -135,25 +138,30 @@ def mark_broken(
     whole = min(math.floor(edge), 65535)
     rules = CutRules(whole, math.floor(edge + 0.5) - math.floor(edge), has_invalid, has_keep, wraps)
     for band in numba.prange((h + _BAND - 1) // _BAND):
-        if not wanted[band].any():
-            continue
-        near = np.zeros(n, np.uint8)  # words on which the wanted flags depend: also the neighbouring ones
+        near = np.empty(n, np.uint8)  # words on which the wanted flags depend: also the neighbouring ones
+        some = np.uint8(0)
         for j in range(n):
             near[j] = wanted[band, j - 1] | wanted[band, j] | wanted[band, (j + 1) % n]
+            some |= wanted[band, j]
+        if some == 0:
+            continue
         first, end = int(np.int64(band)) * _BAND, min((int(np.int64(band)) + 1) * _BAND, h)
-        rows = np.zeros((4, n * LANES + 4), np.uint16)  # a ring: the rows that one row's cuts depend on
-        words = np.zeros((3, 4, n), np.int64)  # a ring, too: the words on which a row's flags depend
-        mask, tail, top = np.zeros(n * LANES, np.uint8), np.empty(LANES, np.uint8), np.zeros((4, n), np.int64)
+        rows = np.empty((4, n * LANES + 4), np.uint16)  # a ring: the rows that one row's cuts depend on
+        words = np.zeros((4, 4, n), np.int64)  # a ring of three: the words on which a row's flags depend
+        top = words[3]  # those of the row above the picture
+        mask, tail = np.empty(n * LANES, np.uint8), np.empty(LANES, np.uint8)
         padded = max(first - 2, 0)  # the next row to be padded
         for y in range(max(first - 1, 0), min(end, h - 1) + 1):
             while padded <= min(y + 2, h - 1):
                 _pad_row(codes[padded], wraps, rows[padded & 3])
                 padded += 1
             if has_keep:
-                mask[:w] = keep[y]
+                for x in range(w):
+                    mask[x] = keep[y, x]
             _mark_row(rows, y, h, w, mask, rules, near, words[y % 3])
             if y == 0:  # beyond the picture there are no cuts, and the mask continues
-                top[_KEPT] = words[0, _KEPT]
+                for j in range(n):
+                    top[_KEPT, j] = words[0, _KEPT, j]
             if y > first:
                 above = words[(y - 2) % 3] if y > 1 else top
                 _write_flags(above, words[(y - 1) % 3], words[y % 3], has_keep, wraps, wanted[band], tail, flags[y - 1])

@@ -110,7 +110,8 @@ def _split_block(scratch: U16, tolerance: int, largest: int, parity: int, splits
     start = scratch.ctypes.data + 2 * _LEFT
     codes, least = start + _PITCH_BYTES * _CODES, start + _PITCH_BYTES * _LEAST
     middles, centres = start + _PITCH_BYTES * _MIDDLES, start + _PITCH_BYTES * _CENTRES
-    splits[:SIDE] = 0
+    for y in range(SIDE):
+        splits[y] = 0
     s = 1
     while s < BLOCK:
         down, across, forced = s * _PITCH_BYTES, 2 * s, -1 if s >= largest else 0
@@ -185,9 +186,11 @@ def split_blocks(
                 continue
             states[i, j] = _load_block(codes, flags, j * BLOCK, i * BLOCK, limit, scratch)
             if states[i, j] == EMPTY:
-                splits[i, j] = 0
+                for y in range(splits.shape[2]):
+                    splits[i, j, y] = 0
             elif largest == 1:
-                splits[i, j, :SIDE] = _COLUMNS
+                for y in range(SIDE):
+                    splits[i, j, y] = _COLUMNS
                 splits[i, j, _FIRST] = splits[i, j, _LAST] = _INNER
             else:
                 _split_block(scratch, tolerance, largest, (i + j) % 2, splits[i, j])
@@ -266,4 +269,6 @@ def join_blocks(splits: I64, seam: int) -> None:
         for row in numba.prange(rows):
             i = int(np.int64(row))
             changed[i] = _join_row(splits, i, seam)
-        pending = bool(changed.any())
+        pending = False
+        for row in range(rows):
+            pending = pending or changed[row] != 0

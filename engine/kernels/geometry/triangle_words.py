@@ -75,7 +75,10 @@ def new_list() -> TriangleList:
 def read_flags(flags: U8, x0: int, y0: int, wraps: bool, state: int, bits: I64) -> None:
     """bits [4, 33]: cuts, mask and validity of a block's pixels as words; only for MIXED blocks."""
     h, w = flags.shape
-    bits[:2], bits[2:] = 0, _ALL
+    mixed = state == MIXED
+    for y in range(SIDE):
+        bits[RIGHT_WORD, y] = bits[DOWN_WORD, y] = 0
+        bits[KEPT_WORD, y] = bits[VALID_WORD, y] = 0 if mixed else _ALL
     if state != MIXED:
         return
     if x0 + BLOCK < w and y0 + BLOCK < h and (y0 + BLOCK) * w + x0 + lanes.LANES <= h * w:
@@ -86,7 +89,6 @@ def read_flags(flags: U8, x0: int, y0: int, wraps: bool, state: int, bits: I64) 
             bits[KEPT_WORD, y] = lanes.bits_of(address, KEPT) & _ALL
             bits[VALID_WORD, y] = lanes.bits_of(address, VALID) & _ALL
         return
-    bits[:] = 0
     limit = w if wraps else w - 1
     for y in range(min(SIDE, h - y0)):
         for x in range(min(SIDE, limit + 1 - x0)):
@@ -180,7 +182,8 @@ def _moved(word: int, columns: int) -> int:
 def count_listed(found: TriangleList, n: int, used: I64) -> tuple[int, int]:
     """The numbers of vertices and triangles in a list of n words; used [33]: filled with words of these vertices."""
     words, ys, shapes = found
-    used[:] = 0
+    for y in range(SIDE):
+        used[y] = 0
     vertices, triangles = 0, 0
     for k in range(n):
         word, y, shape = words[k], ys[k], SHAPES[shapes[k]]

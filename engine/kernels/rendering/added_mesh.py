@@ -86,8 +86,10 @@ def _spherical_box(corners: F64, camera: F64, size: tuple[int, int], box: I32) -
     middle, units = np.zeros(3), np.empty((3, 3))
     for k in range(3):
         x, y, z = corners[k, 0], corners[k, 1], corners[k, 2]
-        units[k] = corners[k] / max(math.sqrt(x * x + y * y + z * z), 1e-30)
-        middle += units[k]
+        length = max(math.sqrt(x * x + y * y + z * z), 1e-30)
+        for axis in range(3):
+            units[k, axis] = corners[k, axis] / length
+            middle[axis] += units[k, axis]
     length = math.sqrt(middle[0] * middle[0] + middle[1] * middle[1] + middle[2] * middle[2])
     closest = 1.0
     for k in range(3):

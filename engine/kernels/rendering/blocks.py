@@ -22,7 +22,9 @@ __all__ = ["bound_blocks", "place_points", "visible_blocks"]
 def bound_blocks(points: F32, starts: I64, spheres: F32) -> None:
     """spheres [b, 4]: centre and radius of a sphere round each block's points; a negative radius for an empty block."""
     for b in range(spheres.shape[0]):
-        low, high = np.full(3, np.float32(np.inf)), np.full(3, np.float32(-np.inf))
+        low, high = np.empty(3, np.float32), np.empty(3, np.float32)
+        for axis in range(3):
+            low[axis], high[axis] = np.inf, -np.inf
         for i in range(starts[b, 0], starts[b + 1, 0]):
             for axis in range(3):
                 low[axis] = min(low[axis], points[i, axis])

@@ -119,4 +119,5 @@ def jpeg_planes(y: U16, cb: U16, cr: U16, out_y: U8, out_cb: U8, out_cr: U8) -> 
             line = y[min(v, h - 1)]
             for u in range(w):
                 out_y[v, u] = _byte(_luma(line[u]) + differences[u])
-            out_y[v, w:] = out_y[v, w - 1]
+            for u in range(w, out_y.shape[1]):
+                out_y[v, u] = out_y[v, w - 1]

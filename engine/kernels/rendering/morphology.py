@@ -46,7 +46,8 @@ def mark_steps(disparity: F32, step: float, marks: U8, found: U8) -> None:
     for row in numba.prange(h):
         y = int(np.int64(row))
         q, out = disparity[y], marks[y]
-        out[:] = 0
+        for x in range(w):
+            out[x] = 0
         if y < h - 1:
             above, after = disparity[max(y - 1, 0)], disparity[min(y + 2, h - 1)]
             _mark_row(above, q, disparity[y + 1], after, least, down, out)

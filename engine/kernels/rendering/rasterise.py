@@ -32,7 +32,8 @@ def _clip(screen: F32, corners: I32, camera: F64, near: float, polygon: F32) -> 
     for k in range(3):
         i, j = corners[k], corners[(k + 1) % 3]
         if screen[i, 3] >= near:
-            polygon[n] = screen[i]
+            for c in range(4):  # to copy a row as a whole, with its check of shapes, takes two seconds to compile
+                polygon[n, c] = screen[i, c]
             n += 1
         if (screen[i, 3] >= near) != (screen[j, 3] >= near):
             front, back = (i, j) if screen[i, 3] >= near else (j, i)

@@ -45,7 +45,8 @@ def _directions(camera: F64, width: int, across: F32) -> None:
         else:
             phi = camera[PHI_MAX] - (x + 0.5) * camera[RADIANS_A_COLUMN]
             across[0, x], across[1, x] = math.cos(phi), math.sin(phi)
-    across[:, width:] = 0.0
+    for x in range(width, across.shape[1]):
+        across[0, x] = across[1, x] = 0.0
 
 
 @inlined
@@ -173,7 +174,9 @@ def _shade_rows(
     zero, largest = np.float32(0.0), np.float32(LARGEST)
     for y in range(2 * first, min(2 * last, h), 2):
         rows = min(2, h - y)
-        near[rows:] = zero
+        if rows == 1:
+            for x in range(w):
+                near[1, x] = zero
         for row in range(rows):
             for x in range(w):
                 near[row, x] = disparity[y + row, x] if winner[y + row, x] < n else zero

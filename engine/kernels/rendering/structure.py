@@ -87,7 +87,8 @@ def spread_depths(disparity: F32, holes: Holes, rise: float, depths: F32) -> Non
     """
     places, index, rims = holes
     h, w = disparity.shape
-    depths[:, 0], depths[:, 1] = np.inf, -np.inf
+    for n in range(depths.shape[0]):
+        depths[n, 0], depths[n, 1] = np.inf, -np.inf
     for n in rims:
         y, x = int(places[n, 0]), int(places[n, 1])
         farthest, nearest = np.float32(np.inf), np.float32(-np.inf)

@@ -43,7 +43,8 @@ def count_holes(disparity: F32, tiles: U8) -> None:
     h = disparity.shape[0]
     for row in numba.prange(tiles.shape[0]):
         j = int(np.int64(row))
-        tiles[j] = 0
+        for i in range(tiles.shape[1]):
+            tiles[j, i] = 0
         for y in range(TILE * j, min(TILE * (j + 1), h)):
             _count_row(disparity[y], tiles[j])
 
