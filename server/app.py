@@ -90,22 +90,12 @@ def _add_middleware(app: FastAPI, settings: ServerSettings) -> None:
 
 
 def _engine_maker(settings: ServerSettings, compiling: Compiling | None) -> Callable[[Source], Core]:
-    first: list[Source] = []  # the source whose rig the model is of
-
     def make(source: Source) -> Core:
         """An engine, when the kernels for the first picture are there: two processes would compile them twice.
 
         The background model waits for the rest of them. Raises ValueError for a source with another rig than that of
         the model that is kept.
         """
-        if settings.model and first and first[0].cameras != source.cameras:
-            name = Path(settings.model).name
-            raise ValueError(f"model {name}: is of another rig: expected the cameras of source {first[0].name}")
-        core = make_any(source)
-        first[:] = first or [source]
-        return core
-
-    def make_any(source: Source) -> Core:
         if compiling is None:
             return ProcessCore(make_local_core, source.cameras, settings.engine(), True, settings.files)
         compiling.wait(settings.needed[:1])

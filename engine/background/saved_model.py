@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from .model import BackgroundModel
 from .state import CameraState, ExposureState, ModelState
 from .state_check import check_exposure, check_model, check_placed
 
-__all__ = ["SavedModel"]
+__all__ = ["SavedModel", "check_rig"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,27 +84,27 @@ class SavedModel:
             pictures=len(self.model.captures) + len(self.model.remains) + len(seeds), settings=self.model.settings,
         )  # fmt: skip
 
-    def check_rig(self, cameras: Sequence[Camera]) -> None:
-        """Raises ValueError if these are not the cameras that it was built with; those that move may be anywhere."""
-        names, expected = [camera.name for camera in cameras], [camera.name for camera in self.rig]
-        if names != expected:
-            raise ValueError(f"cameras: {_few(expected)}: expected those of the source, {_few(names)}")
-        for c, (camera, saved) in enumerate(zip(cameras, self.rig, strict=True)):
-            now = CameraState.of(camera)
-            for field in dataclasses.fields(CameraState):
-                was, wanted = getattr(saved, field.name), getattr(now, field.name)
-                free = c in self.moving and field.name in ("position", "orientation")
-                if was != wanted and not free:
-                    raise ValueError(
-                        f"camera {saved.name}: {field.name}: {was}: expected {wanted}, as the source has it"
-                    )
-
     def adapted(self, cameras: Sequence[Camera], settings: Settings) -> SavedModel:
         """It, to be continued with these cameras and settings; raises ValueError if its own are others, as far as they
         matter (`settings.MODELLING`)."""
-        self.check_rig(cameras)
+        check_rig(self.rig, self.moving, cameras)
         check_settings(self.about(), settings)
         return dataclasses.replace(self, model=self.model.with_settings(settings))
+
+
+def check_rig(rig: Sequence[CameraState], moving: Collection[int], cameras: Sequence[Camera]) -> None:
+    """Raises ValueError, which names the camera and the field, if a source's cameras are not those of a rig; those that
+    move (their numbers) may be anywhere."""
+    names, expected = [camera.name for camera in cameras], [camera.name for camera in rig]
+    if names != expected:
+        raise ValueError(f"cameras: {_few(expected)}: expected those of the source, {_few(names)}")
+    for c, (camera, built_with) in enumerate(zip(cameras, rig, strict=True)):
+        now = CameraState.of(camera)
+        for field in dataclasses.fields(CameraState):
+            was, wanted = getattr(built_with, field.name), getattr(now, field.name)
+            free = c in moving and field.name in ("position", "orientation")
+            if was != wanted and not free:
+                raise ValueError(f"camera {camera.name}: {field.name}: {was}: expected {wanted}, as the source has it")
 
 
 def _few(names: Sequence[str]) -> str:

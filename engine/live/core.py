@@ -76,6 +76,14 @@ class Core(Protocol):
     def retune(self, settings: Settings) -> None:
         """Use other settings from the next picture on; returns at once."""
 
+    def continues(self, cameras: Sequence[Camera]) -> bool:
+        """Whether a source with these cameras goes on with the model of this core: where the model is kept in a file,
+        cameras that have moved may come back anywhere.
+
+        False if nobody keeps the model: other poses begin another one. Raises ValueError, which names the camera and
+        the field, if it is kept, and the cameras are others, or one that has never moved is elsewhere.
+        """
+
     def begin_model(self) -> None:
         """Build the background model from the next frame on, if that has not begun."""
 
@@ -135,6 +143,16 @@ class LocalCore:
     def retune(self, settings: Settings) -> None:
         """Set the settings of the next picture."""
         self._engine.retune(settings)
+
+    def continues(self, cameras: Sequence[Camera]) -> bool:
+        """Whether a source with these cameras goes on with the model that is kept."""
+        if self._saver is None:
+            return False
+        try:
+            self._engine.check_rig(cameras)
+        except ValueError as error:
+            raise ValueError(f"model {self._saver.path.name}: {error}") from error
+        return True
 
     def begin_model(self) -> None:
         """Build the background model from the next frame on."""

@@ -12,11 +12,12 @@ import subprocess
 import sys
 import threading
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from multiprocessing.connection import Connection
 from typing import Any
 
+from ..rig.camera import Camera
 from ..rig.effects import Effect
 from ..rig.frame import Frame
 from ..rig.viewer import EncodedPair, StereoView
@@ -103,6 +104,11 @@ class ProcessCore:
             self._control.send(pickle.dumps(settings))
         except OSError as error:
             raise self._lost() from error
+
+    def continues(self, cameras: Sequence[Camera]) -> bool:
+        """Whether a source with these cameras goes on with the model of that process."""
+        goes_on: bool = self._ask(call, "continues", tuple(cameras))
+        return goes_on
 
     def begin_model(self) -> None:
         """Build the background model from the next frame on."""

@@ -95,13 +95,14 @@ class Live(AbstractAsyncContextManager["Live"]):
             await asyncio.to_thread(core.close)
 
     async def open(self, source: Source) -> None:
-        """Begin with a source. If its cameras are those of the last source, the background model is continued.
+        """Begin with a source. If its cameras are those of the last source, or if the model is kept and only cameras
+        that have moved are elsewhere, the background model is continued.
 
         Calls run one after the other: a source may come while a core is still being made for one that has left.
         """
         async with self._opening:
             self._drop_pending()
-            if self.source is None or self.source.cameras != source.cameras:
+            if not await self._goes_on(source):
                 core = await self._make(source)
                 former = {id(old): old for old in (self._core, self.shown) if old is not None}
                 self._drop_pending()  # a frame offered meanwhile was for the core before
@@ -113,6 +114,20 @@ class Live(AbstractAsyncContextManager["Live"]):
                 await self.effects.put_all()
             self.source = source
             self._wake_viewers()
+
+    async def _goes_on(self, source: Source) -> bool:
+        """Whether the present core takes a source; raises ValueError if neither it nor another one may."""
+        core, last = self._core, self.source
+        if core is None or last is None:
+            return False
+        if last.cameras == source.cameras:
+            return True
+        try:
+            with self._uses.using(core):
+                return await asyncio.to_thread(core.continues, source.cameras)
+        except CoreLostError as error:
+            self._give_up(core, error)
+            return False
 
     async def _make(self, source: Source) -> Core:
         core = await asyncio.to_thread(self._make_core, source)

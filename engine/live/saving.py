@@ -44,7 +44,7 @@ class Saver:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         self.updating = threading.Lock()
-        self._path, self._interval_s, self._copy, self._clock = path, interval_s, copy, clock
+        self.path, self._interval_s, self._copy, self._clock = path, interval_s, copy, clock
         self._begun = clock()  # of the newest copy
         self._unsaved, self._ended = False, False
         self._waiting: Writable | None = None  # for the thread that writes
@@ -100,11 +100,11 @@ class Saver:
             return
         start = time.perf_counter()
         try:
-            size = self._waiting.write(self._path)
+            size = self._waiting.write(self.path)
         except Exception as error:  # a boundary: the model goes on, whatever the disk does
             self._status["failures"] += 1
             self._status["error"] = f"{type(error).__name__}: {error}"
-            _log.error("model %s could not be saved: %s: %s", self._path, type(error).__name__, error)
+            _log.error("model %s could not be saved: %s: %s", self.path, type(error).__name__, error)
         else:
             self._status["saves"] += 1
             self._status.update(bytes=size, write_ms=1e3 * (time.perf_counter() - start), error="")

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from ..background.exposure import Exposure, to_common
 from ..background.model import BackgroundModel, UpdateReport
 from ..background.pbi import enlarged, imaginary_camera, uncovered_cells
-from ..background.saved_model import SavedModel
+from ..background.saved_model import SavedModel, check_rig
 from ..background.seed import Seed
+from ..background.state import CameraState
 from ..geometry.prepared_view import PreparedView, ViewTable
 from ..geometry.scene_scale import Scene
 from ..geometry.triangulation import Triangulator
@@ -85,6 +86,11 @@ class BackEnd:
         self._placed = [camera.camera() for camera in saved.placed]
         seen = set(range(len(self._placed))) - set(saved.model.unseen)
         self._moving.put_back({c: self._placed[c].pose for c in seen}, saved.moving)
+
+    def check_rig(self, cameras: Sequence[Camera]) -> None:
+        """Raises ValueError if a source's cameras are not the ones of this back end (`saved_model.check_rig`); those
+        that have moved may be anywhere. Any thread may call this."""
+        check_rig(tuple(map(CameraState.of, self._cameras)), self._moving.moving, cameras)
 
     def state(self) -> SavedModel | None:
         """The model and what it needs to be continued, as copies, for the thread that updates; None: no model."""

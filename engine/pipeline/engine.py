@@ -102,6 +102,11 @@ class Engine:
         """The model and what it needs to be continued, as copies, for the thread that updates; None: no model."""
         return self._back_end.state()
 
+    def check_rig(self, cameras: Sequence[Camera]) -> None:
+        """Raises ValueError, which names the camera and the field, if a source with these cameras does not go on with
+        the model: they are others, or one that has never moved is elsewhere. Any thread may call this."""
+        self._back_end.check_rig(cameras)
+
     def retune(self, settings: Settings) -> None:
         """Use other settings from the next picture on; any thread may call this, and nothing is rebuilt.
 

@@ -23,7 +23,8 @@ class MovingViews:
         """Takes the poses of a frame."""
         self._there = tuple(frame.there)
         poses = {k: frame.views[k].camera.pose for k in self._there}
-        self._moving |= {k for k, pose in poses.items() if pose != self._poses.get(k, pose)}
+        moved = {k for k, pose in poses.items() if pose != self._poses.get(k, pose)}
+        self._moving = self._moving | moved  # another thread may be reading the set before
         self._poses |= poses
 
     @property

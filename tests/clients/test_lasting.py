@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import json
 import os
 import signal
@@ -22,6 +23,7 @@ from farside.clients.replay import Playback, Replay
 from farside.engine.background.saved_model import SavedModel
 from farside.engine.io.recording import open_recording
 from farside.engine.io.tmiv import SequenceWriter
+from farside.engine.rig.camera import Pose
 from support.rooms import camera_row, frame
 from typer.testing import CliRunner
 
@@ -29,13 +31,18 @@ HANG_S = 540.0  # the first run compiles every kernel
 FRAMES = 6
 
 
-def room(folder: Path, spacing: float = 0.4) -> Path:
-    """A sequence of three cameras before which a box moves."""
+def room(folder: Path, spacing: float = 0.4, start: float | None = None) -> Path:
+    """A sequence of three cameras before which a box moves. start: where, on the row, the first one begins to move,
+    metres; None: it stands still."""
     sources = camera_row(3, (48, 32), spacing)
     with SequenceWriter(folder, folder.name, 30.0, sources, ("v0", "v1", "v2")) as writer:
         for index in range(FRAMES):
-            for view in frame(index, sources, 0.1 * index - 0.3).views:
-                writer.write(view.camera.name, view.texture, view.codes)
+            here = list(sources)
+            if start is not None:
+                here[0] = dataclasses.replace(sources[0], pose=Pose((0.0, start - 0.05 * index, 0.0)))
+            for view in frame(index, here, 0.1 * index - 0.3).views:
+                pose = None if start is None or view.camera.name != "v0" else view.camera.pose
+                writer.write(view.camera.name, view.texture, view.codes, pose)
     return folder
 
 
@@ -68,8 +75,13 @@ def fetch(url: str) -> bytes:
         return bytes(answer.read())
 
 
+def engine_of(url: str) -> dict[str, Any]:
+    status: dict[str, Any] = json.loads(fetch(f"{url}/status"))["engine"]
+    return status
+
+
 def saved_of(url: str) -> dict[str, Any]:
-    status: dict[str, Any] = json.loads(fetch(f"{url}/status"))["engine"]["saved"]
+    status: dict[str, Any] = engine_of(url)["saved"]
     return status
 
 
@@ -126,7 +138,7 @@ def test_another_rig_is_refused_and_the_service_goes_on(sequence: Path, tmp_path
     other = room(tmp_path / "Other", 0.5)
     with serving("--model", str(file)) as (process, url):
         play(sequence, url, 2)
-        with pytest.raises(RefusedError, match=r"model room.farside: is of another rig: expected the .* source Room"):
+        with pytest.raises(RefusedError, match=r"model room\.farside: camera v0: position: .*as the source has it"):
             play(other, url, 1)
         play(sequence, url, 2)
         process.send_signal(signal.SIGTERM)
@@ -138,6 +150,31 @@ def test_another_rig_is_refused_and_the_service_goes_on(sequence: Path, tmp_path
         assert file.read_bytes() == whole
         play(sequence, url, 1)
         process.kill()
+
+
+def test_a_camera_that_moves_may_come_back_anywhere(sequence: Path, tmp_path: Path) -> None:
+    file = tmp_path / "room.farside"
+    first, again = room(tmp_path / "First", start=-0.4), room(tmp_path / "Again", start=-0.9)
+    other = room(tmp_path / "Other", 0.5, start=-0.4)  # the cameras that stand still are elsewhere
+    with serving("--model", str(file)) as (process, url):
+        play(first, url)
+        pid = engine_of(url)["pid"]
+        with pytest.raises(RefusedError, match=r"model room\.farside: camera v2: position: .*as the source has it"):
+            play(other, url, 1)
+        play(again, url, 2)
+        assert engine_of(url)["pid"] == pid
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(HANG_S) == 0
+    saved = SavedModel.read(file)
+    assert saved.model.frames == FRAMES + 1  # after the first one: it has not begun anew
+    assert saved.moving == (0,)
+    assert saved.placed[0].position == pytest.approx((0.0, -0.95, 0.0))
+    with serving("--model", str(file)) as (process, url):  # also before any frame has shown that it moves
+        play(first, url, 1)
+        play(again, url, 1)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(HANG_S) == 0
+    assert SavedModel.read(file).model.frames == FRAMES + 3
 
 
 def test_a_folder_that_is_gone_is_counted_and_the_service_goes_on(sequence: Path, tmp_path: Path) -> None:

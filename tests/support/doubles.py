@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -117,6 +117,9 @@ class FakeCore:
         """Both eyes' pictures."""
         luma = 64 + 8 * self.updates[-1]
         return flat(view.left.width, view.left.height, luma), flat(view.right.width, view.right.height, luma)
+
+    def continues(self, cameras: Sequence[Camera]) -> bool:
+        return False
 
     def begin_model(self) -> None:
         pass
