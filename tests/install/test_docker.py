@@ -20,6 +20,7 @@ import pytest
 from farside.clients.cli import COMMANDS
 from farside.engine.compiling.pool import Progress
 from farside.engine.support.cpu_level import cpu_level
+from farside.server.settings import ServerSettings
 from support.certificates import make_certificates
 from support.checkout import ROOT, copy_checkout
 from support.doubles import FakeCore
@@ -104,6 +105,13 @@ def test_only_this_machine_reaches_the_composed_server_by_default() -> None:
     assert re.findall(r'ports: \["(.*)"\]', COMPOSE) == ["${FARSIDE_PUBLISH:-127.0.0.1}:8765:8765"]
     assert steps("USER") == ["1000:1000"]
     assert steps("STOPSIGNAL") == ["SIGTERM"]
+
+
+def test_a_composed_server_has_time_to_save_its_model() -> None:
+    *others, server = [int(seconds) for seconds in re.findall(r"stop_grace_period: (\d+)s", COMPOSE)]
+    assert server >= ServerSettings(model="room.farside").ending_s + 1.0  # `serve.stop_within` adds a second
+    assert min(others) >= ServerSettings().ending_s + 1.0
+    assert f"--stop-timeout {server}" in DOCKERFILE
 
 
 def test_the_composed_twin_is_made_once(image: Path) -> None:
