@@ -28,11 +28,12 @@ def frames():
     cameras = camera_row()
     for index in range(FRAMES):
         one = frame(index, cameras, box_y=-0.5 + 0.1 * index)
-        views = [
-            dataclasses.replace(view, texture=dataclasses.replace(view.texture, y=view.texture.y + np.uint16(9 * k)))
-            for k, view in enumerate(one.views)
-        ]
-        yield dataclasses.replace(one, views=tuple(views))
+        yield dataclasses.replace(one, views=tuple(brighter(view, 9 * k) for k, view in enumerate(one.views)))
+
+
+def brighter(view, codes):
+    """A view whose luma is higher."""
+    return dataclasses.replace(view, texture=dataclasses.replace(view.texture, y=view.texture.y + np.uint16(codes)))
 
 
 def engine_after(count, settings=SETTINGS):
@@ -84,6 +85,24 @@ def test_a_picture_before_the_model_is_updated_is_the_one_before(saved):
     assert other.update(newest, {"me": HEAD}).background is None
     np.testing.assert_array_equal(other.tones, first.tones)
     assert_same(pictures(other), pictures(first))
+    for engine in (first, other):
+        engine.close()
+
+
+def test_only_how_the_filling_of_a_viewers_holes_has_settled_is_not_continued(saved):
+    """A viewer who comes back has another name, under which nothing has settled, whether there was a stop or not."""
+    first = engine_after(HALF_WAY)
+    pictures(first)
+    other = Engine(camera_row(), SETTINGS, saved=SavedModel.read(saved))
+    one = list(frames())[HALF_WAY]
+    one = dataclasses.replace(one, views=tuple(brighter(view, 40) for view in one.views))
+    for engine in (first, other):
+        engine.update(one, {"me": HEAD, "again": HEAD})
+    assert_same(pictures(other, "again"), pictures(first, "again"))
+    settled, anew = (engine.render(HEAD, "me").left for engine in (first, other))
+    differs = settled.texture.y != anew.texture.y
+    assert differs.any()
+    assert not differs[~anew.holes()].any()
     for engine in (first, other):
         engine.close()
 
