@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from farside.engine.evaluation.moving import Moment, WalkSample, is_walk, play_rig, play_walk, side_by_side
+from farside.engine.evaluation.trend import trend
 from farside.engine.evaluation.twin_recording import open_recording_or_twin
 from farside.engine.io.recording import Recording
 from farside.engine.settings import Settings
@@ -20,6 +21,8 @@ from rich.table import Table
 from .options import Quality, Report, Scale
 
 __all__ = ["command"]
+
+_ROUNDS = 6  # fewer tell no trend
 
 Names = Annotated[str, typer.Argument(metavar="NAME,...", help="Twins with moving cameras, or sequences' folders.")]
 _Frames = Annotated[int | None, typer.Option(min=2, help="Most frames played (default: all).")]
@@ -74,7 +77,28 @@ def _show_rig(
             for name, pictures in now.pictures.items():
                 path = report / f"moving_{recording.name}_{name}_{now.frame}.png"
                 Image.fromarray(side_by_side(pictures)).save(path)
-    Console(width=170).print(table)
+    console = Console(width=170)
+    console.print(table)
+    console.print(_totals(moments, len(recording.source_names)))
+
+
+def _totals(moments: Sequence[Moment], views: int) -> str:
+    """Whether updates get slower, and the accumulated triangles with and without culling (Fig. 12b)."""
+    last, lines = moments[-1], []
+    # Cameras take turns, and a turn of one takes longer than that of another: rounds of all are alike.
+    rounds = np.array([m.update_ms for m in moments[1:]])[: (len(moments) - 1) // views * views]
+    means = rounds.reshape(-1, views, 2).mean(axis=1)
+    if len(means) >= _ROUNDS:
+        told = []
+        for column in means.T / views:  # a round's slope is that of so many frames
+            slope, low, high = (1e3 * value for value in trend(column.tolist()))
+            told.append(f"{slope:+.1f} us a frame (95 %: {low:+.1f} to {high:+.1f})")
+        lines.append(f"update time over {len(means)} rounds of {views} frames: {told[0]} without, {told[1]} with")
+    lines.append(
+        f"triangles after frame {last.frame}, with the moving camera: {last.exposed:,} exposed, of which "
+        f"{last.exposed - last.p_pbs[1]:,} were culled; the P-PBS has {last.p_pbs[1]:,}"
+    )
+    return "\n".join(lines)
 
 
 def _sampled(moments: Sequence[Moment]) -> Iterator[list[Moment]]:
