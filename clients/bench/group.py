@@ -33,6 +33,7 @@ MEASURES = {
     "scaling": Measure("Cost of a stereo pair by pixels of pictures and of views, on a twin."),
     "pairs": Measure("Stereo pairs a second while the model is updated, on a twin."),
     "queries": Measure("Rays, closest points and spheres a second against the model, in the library and by HTTP."),
+    "saving": Measure("Pictures and updates while the model is copied and written to a file, on a twin."),
     "live": Measure("Server, replay and headset over localhost: rates, stalls, pauses, memory."),
     "spared": Measure("Work and memory that scenes do not need and that is saved, on twins."),
     "peers": Measure("Quality next to other renderers' figures from a folder's README."),
