@@ -170,8 +170,10 @@ class Settings:
         These steps differ: n_render views are chosen by the overlap of fields of view (3.1 allows it, 4.1 took the
         nearest cameras); the filter of Fig. 6b casts its rays through the pixels of a camera, the corners of new
         triangles, not through their centres; a camera's marks stay while other cameras have their turns (3.3.3 does not
-        say); the backdrop hides a drawn surface only where it is 3 % nearer; and the PBI is interpolated where it shows
-        one plane, and has no rays where the selected views already cover the picture.
+        say), and those of a camera that moves until a view sees past the triangle, as the rays of its later pictures
+        miss most triangles of the earlier ones; the backdrop hides a drawn surface only where it is 3 % nearer; and the
+        PBI is interpolated where it shows one plane, and has no rays where the selected views already cover the
+        picture.
         """
         return cls(
             n_render=5, n_init=6, n_update=1, draw_moving=False, delta_m=0.2, delta_disparity=0.0, margin_m=0.2,

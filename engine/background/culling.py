@@ -16,11 +16,11 @@ Each camera owns one bit of every triangle's marks. In the camera's turn only th
 cameras per frame, a triangle therefore stays until every camera has had its turn without finding it. A flagged triangle
 of the S-PBS stays flagged, as in the paper: rays no longer see it, so none can mark it again.
 
-A camera that moves (section 4.2) casts rays by triangle from where it is in its turn, and its marks are not renewed:
-elsewhere it may see something else behind a triangle, or not the triangle, while from the former place the triangle is
-background as before. A mark from there holds until a view sees past the triangle (`forget_seen_past`): then what the
-triangle showed has gone. Rays by pixel renew its marks of all triangles in its picture,
-as in the paper.
+A camera that moves (section 4.2) casts rays from where it is in its turn, and its marks are not renewed: elsewhere it
+may see something else behind a triangle, or not the triangle, while from the former place the triangle is background
+as before. A mark from there holds until a view sees past the triangle (`forget_seen_past`): then what the triangle
+showed has gone. The paper does not say so; but rays through a camera's pixels miss most triangles of the pictures that
+it took from nearer by, so that culling would take away in the next turns what it had uncovered.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ import numpy as np
 
 from ..geometry.prepared_view import PreparedView
 from ..kernels.background.culling import list_unmarked
-from ..kernels.background.seen_past import forget_in_picture, forget_seen_past
+from ..kernels.background.seen_past import forget_seen_past
 from ..kernels.base.tolerance import Delta
 from ..settings import Settings
 from ..support.array_types import F64, I64, U64
@@ -127,13 +127,9 @@ def mark_pixels(
     """Renews a camera's marks by rays through its pixels, as in the paper; returns the number of rays.
 
     Two rays are cast for every stride-th pixel in both directions; each hit is followed by a complementary ray.
-    `packed`: the camera, float64 [CAMERA_SIZE]. If it `moves`, its marks of triangles outside its picture stay.
+    `packed`: the camera, float64 [CAMERA_SIZE]. If it `moves`, its marks from other places stay.
     """
-    if moves:
-        bits = _bits(pbs, [camera])
-        for surface in pbs.surfaces():
-            forget_in_picture(packed, surface.packed, bits, surface.marks)
-    else:
+    if not moves:
         clear_marks(pbs, camera)
     return pbs.tracer.mark_by_pixel(camera, packed, stride, delta)
 

@@ -73,6 +73,24 @@ def test_a_moving_camera_sees_behind_what_hides_the_wall_from_the_others():
     assert (luma[~on_box] == WALL_Y).mean() > 0.98  # and elsewhere what was there first
 
 
+def test_what_a_moving_camera_has_seen_from_near_by_stays_when_it_looks_from_far_away():
+    """As published, each camera's rays go through its pixels: from far away they miss most of the small triangles."""
+    (fixed,) = camera_row(1)
+    moving = dataclasses.replace(fixed, name="m")
+    settings = Settings.preset("paper", n_init=2, n_update=1)
+    begin = Frame(0, (see(fixed, 0.0), see(moving, 0.0)))
+    model = BackgroundModel([fixed, moving], settings, Scene.of([fixed, moving], settings, begin))
+    model.update(begin)
+    places = [(0.25 * k, 0.3 * k) for k in range(1, 7)] + [(1.5 - 0.5 * k, 1.8) for k in range(1, 12)]
+    for index, (x, y) in enumerate(places):
+        place = dataclasses.replace(moving, pose=Pose((x, y, 0.0)))
+        for turn in range(2):
+            model.update(Frame(2 * index + turn + 1, (see(fixed, 0.0), see(place, 0.0))))
+    depth, _luma = shown(model, fixed)
+    on_box = see(fixed, 0.0).texture.y[1:-1, 1:-1] == BOX_Y
+    assert np.isclose(depth[on_box], WALL_X, atol=0.05).mean() > 0.9
+
+
 def test_what_the_capture_before_shows_is_no_candidate():
     """Only the border that comes into view, what is uncovered, and what waited for its turn."""
     camera = camera_row(1)[0]

@@ -1,4 +1,4 @@
-"""Marks that are forgotten where a view sees past a triangle, or has it in its picture, next to slow twins."""
+"""Marks that are forgotten where a view sees past a triangle, next to a slow twin."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from farside.engine.geometry.prepared_view import PreparedView
 from farside.engine.geometry.triangulation import TriangulationOptions
-from farside.engine.kernels.background.seen_past import forget_in_picture, forget_seen_past
+from farside.engine.kernels.background.seen_past import forget_seen_past
 from farside.engine.kernels.background.surfaces import Triangles
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.frame import View
@@ -54,19 +54,6 @@ def test_marks_are_forgotten_where_a_view_sees_past_a_triangle(lens, seed, first
     assert found == forgotten
     assert (forgotten > 2) == (step < 900)
     np.testing.assert_array_equal(marks, expected)
-
-
-@pytest.mark.parametrize("lens", LENSES)
-def test_marks_are_forgotten_in_a_picture_and_stay_outside_it(lens):
-    view, mesh, marks, _invalid = random_case(lens, 3)
-    camera, bits = view.camera, np.array([1 << 5, 0], np.uint64)
-    uv, depth = camera.project(mesh.points[mesh.triangles].astype(np.float64).mean(axis=1))
-    inside = (depth > 0) & (uv >= 0).all(axis=1) & (uv < [camera.width, camera.height]).all(axis=1)
-    expected = marks.copy()
-    expected[inside] &= ~bits
-    forget_in_picture(camera.packed(), mesh, bits, marks)
-    np.testing.assert_array_equal(marks, expected)
-    assert 0.05 < inside.mean() < 0.95
 
 
 def test_a_view_of_the_same_surface_forgets_nothing():

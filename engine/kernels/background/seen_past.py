@@ -1,6 +1,5 @@
 """Marks of cameras that move (section 4.2): a mark from a place that its camera has left cannot be renewed by a ray
-from there. It holds until a view sees past the triangle, or, where rays go through pixels as in the paper, until the
-triangle is in the camera's picture again."""
+from there. It holds until a view sees past the triangle."""
 
 from __future__ import annotations
 
@@ -8,14 +7,12 @@ import numba
 import numpy as np
 
 from ...support.array_types import F64, U8, U64
-from ...support.packed import HEIGHT, WIDTH
 from ..base.jit import inlined, parallel
-from ..base.project import project_point
 from ..base.sight import looks_through
 from ..base.tolerance import Delta
 from .surfaces import Triangles
 
-__all__ = ["forget_in_picture", "forget_seen_past"]
+__all__ = ["forget_seen_past"]
 
 
 @inlined
@@ -62,14 +59,3 @@ def forget_seen_past(
                 _forget(marks, i, bits)
                 count += 1
     return count
-
-
-@parallel
-def forget_in_picture(camera: F64, mesh: Triangles, bits: U64, marks: U64) -> None:
-    """Clears `bits` [words] in marks [m, words] of triangles with a middle in the picture of a camera (packed)."""
-    for i in numba.prange(marks.shape[0]):
-        if _has_any(marks, i, bits):
-            x, y, z = _middle(mesh, i)
-            u, v, depth = project_point(camera, x, y, z)
-            if depth > 0.0 and u >= 0.0 and v >= 0.0 and u < camera[WIDTH] and v < camera[HEIGHT]:
-                _forget(marks, i, bits)
