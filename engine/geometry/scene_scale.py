@@ -25,6 +25,7 @@ __all__ = ["Scene"]
 _EDGE_PX = 4.0
 _LEAST_EDGE_PX = 2.0
 _EDGE_SHARE = 0.25  # of the median disparity
+_AFAR = 4.0  # baselines: from a camera farther away from the rig's middle, steps look as large as from the middle
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,13 +94,19 @@ class Scene:
             away = min(away, float(to_rig @ viewer.pose.rotation()[:, 0]))
         return max(away, 0.0)
 
-    def triangulation(self, camera: Camera, settings: Settings) -> TriangulationOptions:
-        """Bounds of a camera's triangulation: the settings' pixels of parallax at the baseline, as disparities."""
+    def triangulation(self, camera: Camera, settings: Settings, *, afar: bool = False) -> TriangulationOptions:
+        """Bounds of a camera's triangulation: the settings' pixels of parallax at the baseline, as disparities.
+
+        afar: viewers are about the rig's middle, wherever this camera is. If it is far from there, they see the two
+        sides of a depth edge that much farther apart: a surface across it would be a curtain before what is behind.
+        """
         pixel = 1.0 / (self.baseline * pixels_per_radian(camera))
+        away = float(np.linalg.norm(np.asarray(camera.pose.position) - self.origin)) if afar else 0.0
+        step = pixel * self.baseline / away if away > _AFAR * self.baseline else pixel
         if settings.edge_px is None:
-            edge = min(_EDGE_PX * pixel, max(_EDGE_SHARE / self.depths[1], _LEAST_EDGE_PX * pixel))
+            edge = min(_EDGE_PX * step, max(_EDGE_SHARE / self.depths[1], _LEAST_EDGE_PX * step))
         else:
-            edge = settings.edge_px * pixel
+            edge = settings.edge_px * step
         return TriangulationOptions(settings.tolerance_px * pixel, edge, settings.max_block_px)
 
 

@@ -117,8 +117,8 @@ class BackEnd:
         if self._scene is None:
             self._scene = Scene.of([view.camera for view in frame.views], settings, frame)
         scene, self._begun = self._scene, True
-        views = self._reference_views(frame, scene, settings)
         self._moving.note(frame)
+        views = self._reference_views(frame, scene, settings)
         drawn = self._moving.drawn(moving=settings.draw_moving)
         content = FrameContent(scene, views, ViewTable(views), {}, None, drawn)
         with timed(stages, "exposure"):
@@ -169,10 +169,13 @@ class BackEnd:
         return dataclasses.replace(frame, views=views)
 
     def _reference_views(self, frame: Frame, scene: Scene, settings: Settings) -> tuple[PreparedView, ...]:
-        """The current reference views; their meshes are made when they are first used."""
+        """The current reference views; their meshes are made when they are first used. Viewers are where cameras stand
+        still, if any do."""
+        afar = self._moving.some_stand
         return tuple(
             PreparedView(
-                view, scene.triangulation(view.camera, settings), scene.origin, settings.completion, triangulator
+                view, scene.triangulation(view.camera, settings, afar=afar), scene.origin, settings.completion,
+                triangulator,
             )
             for view, triangulator in zip(frame.views, self._triangulators, strict=True)
         )

@@ -32,6 +32,11 @@ class MovingViews:
         """The cameras that have moved."""
         return tuple(sorted(self._moving))
 
+    @property
+    def some_stand(self) -> bool:
+        """Whether a camera that was seen has never moved."""
+        return len(self._moving) < len(self._poses)
+
     def put_back(self, poses: Mapping[int, Pose], moving: Sequence[int]) -> None:
         """Continues: poses: of the cameras that were seen, where each was last; moving: those that have moved."""
         self._poses, self._moving = dict(poses), set(moving)

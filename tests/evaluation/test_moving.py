@@ -7,8 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 from farside.clients.bench.moving import command
+from farside.engine.evaluation.metrics import psnr
 from farside.engine.evaluation.moving import is_walk, moving_names, play_rig, play_walk, side_by_side
 from farside.engine.evaluation.twin_recording import TwinRecording
+from farside.engine.pipeline.engine import Engine
 from farside.engine.rig.camera import Pose
 from farside.engine.settings import Settings
 from farside.engine.synth import make_twin
@@ -54,6 +56,21 @@ def test_a_twins_moving_camera_closes_holes(twin, moments):
     assert with_it < without / 3
     for pictures in moments[-1].pictures.values():
         assert all("v4" not in picture.report.views for picture in pictures)
+
+
+def test_pictures_are_not_worse_where_the_view_of_a_camera_far_above_is_drawn_too(twin):
+    """Its surfaces across depth edges would be curtains from people's heads down to the floor."""
+    rig = [twin.camera(name) for name in twin.source_names]
+    engines = [Engine(rig, Settings.preset("balanced", draw_moving=moving)) for moving in (False, True)]
+    targets = {name: twin.camera(name) for name in ("t0", "t1", "t4")}
+    for one in twin.frames(0, 3):
+        for engine in engines:
+            engine.update(one, targets)
+    for name, camera in targets.items():
+        pictures = [engine.render_camera(camera, name) for engine in engines]
+        assert ["v4" in picture.report.views for picture in pictures] == [False, True]
+        without, with_it = (psnr(twin.texture(name, 2), picture.texture)[0] for picture in pictures)
+        assert with_it > without - 0.3
 
 
 def test_its_triangles_are_counted(moments):

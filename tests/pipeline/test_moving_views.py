@@ -6,6 +6,7 @@ import dataclasses
 
 import pytest
 from farside.engine.pipeline.engine import Engine
+from farside.engine.pipeline.moving_views import MovingViews
 from farside.engine.rig.camera import Pose
 from farside.engine.settings import Settings
 from support.rooms import camera_row, frame
@@ -47,3 +48,14 @@ def test_without_fixed_cameras_all_are_drawn():
 @pytest.mark.parametrize("name", ["balanced", "paper"])
 def test_the_paper_draws_fixed_cameras_only(name):
     assert Settings.preset(name).draw_moving == (name != "paper")
+
+
+def test_whether_some_cameras_stand_is_known():
+    cameras, moving = camera_row(2), MovingViews()
+    assert not moving.some_stand  # none was seen
+    moving.note(frame(0, cameras))
+    assert moving.some_stand
+    for index, stands in ((1, True), (2, False)):
+        places = poses_of(index, cameras, range(index))
+        moving.note(frame(index, places))
+        assert moving.some_stand is stands
