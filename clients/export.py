@@ -102,7 +102,7 @@ def _of_sequence(
     names = parse_sources(sequence, sources)
     if seed_model is not None:
         check_seed(seed_model)
-    compile_shown([quality])
+    compile_shown([quality, *(["seed"] if seed_model else [])])
     count = min(frames or sequence.frame_count, sequence.frame_count)
     with _progress() as bar:
         task = bar.add_task("loading the engine", total=count)

@@ -122,7 +122,7 @@ def command(
         check_seed(seed_model)
     if effects is not None:
         job = dataclasses.replace(job, effects=read_effects(effects))
-    compile_shown([quality] if effects is None else [quality, "effects"])
+    compile_shown([quality, *(["effects"] if effects else []), *(["seed"] if seed_model else [])])
     if seed_model is not None:
         job = dataclasses.replace(job, seed=read_seed(seed_model))
     renderer = OfflineRenderer(job, settings)

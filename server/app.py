@@ -99,7 +99,7 @@ def _engine_maker(settings: ServerSettings, compiling: Compiling | None) -> Call
         if compiling is None:
             return ProcessCore(make_local_core, source.cameras, settings.engine(), True, settings.files)
         compiling.wait(settings.needed[:1])
-        whole = compiling.wait(settings.needed[:2], timeout=None if continues() else 0.0)
+        whole = compiling.wait(settings.needed_for_model, timeout=None if continues() else 0.0)
         core = ProcessCore(make_local_core, source.cameras, settings.engine(), whole, settings.files)
         if not whole:
             threading.Thread(target=begin_model, args=(core,), daemon=True).start()
@@ -111,7 +111,7 @@ def _engine_maker(settings: ServerSettings, compiling: Compiling | None) -> Call
 
     def begin_model(core: Core) -> None:
         assert compiling is not None
-        compiling.wait(settings.needed[:2])
+        compiling.wait(settings.needed_for_model)
         with contextlib.suppress(CoreLostError):
             core.begin_model()
 

@@ -214,7 +214,12 @@ class ServerSettings(BaseModel):
     def needed(self) -> tuple[str, ...]:
         """Which compiled kernels are needed (`engine.compiling.needed`), those for the first picture first."""
         lower = QUALITIES[: QUALITIES.index(self.quality)] if self.target_fps else ()
-        return "picture", self.quality, *reversed(lower), "effects"
+        return *self.needed_for_model, *reversed(lower), "effects"
+
+    @property
+    def needed_for_model(self) -> tuple[str, ...]:
+        """Which of them the background model waits for."""
+        return "picture", self.quality, *(("seed",) if self.seed_model else ())
 
     def _given(self) -> dict[str, object]:
         given = {

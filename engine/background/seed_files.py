@@ -159,7 +159,7 @@ def _decoded(picture: bytes, side: int) -> U8:
 def _reduced(image: Image.Image, side: int) -> U8:
     if max(image.size) > side:
         image.thumbnail((side, side), Image.Resampling.BOX)
-    return np.asarray(image)
+    return np.array(image)  # writable: kernels are compiled anew for arrays that are not
 
 
 def _tinted(rgb: U8, factor: F32) -> U8:

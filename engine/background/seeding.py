@@ -26,7 +26,7 @@ from .capture import Captures
 from .pbs import ProbableBackgroundSurface
 from .seed import Seed
 
-__all__ = ["look_again", "plant"]
+__all__ = ["judged", "look_again", "plant"]
 
 _SIDE_RAD = 0.03  # longest side of a triangle as the rig sees it: it stays or goes as a whole
 _NEAREST = 0.25  # share of the scene's depth: sides nearer than this are seen from this distance
@@ -47,7 +47,7 @@ def plant(
             part.vertices - origin, part.triangles, part.uv, _SIDE_RAD, _NEAREST * depth_m, _LONGEST_PX
         )
         mesh = Mesh(points.astype(np.float32), uv, triangles)
-        shown, unseen = _judged(mesh, views.rows[chosen], views.addresses[chosen, 0], cameras[list(seen)], delta)
+        shown, unseen = judged(mesh, views.rows[chosen], views.addresses[chosen, 0], cameras[list(seen)], delta)
         kept = shown == 0
         if not kept.any():
             continue
@@ -65,11 +65,17 @@ def look_again(pbs: ProbableBackgroundSurface, captures: Captures, count: int, c
     for number in captures.atlases:
         surface = pbs.static.get(number)
         if surface is not None:
-            _, unseen = _judged(surface.mesh, *none, camera[None], (0.0, 0.0))
+            _, unseen = judged(surface.mesh, *none, camera[None], (0.0, 0.0))
             surface.marks[unseen == 0, word] &= ~bit
 
 
-def _judged(mesh: Mesh, rows: F64, codes: I64, cameras: F64, delta: Delta) -> tuple[U8, U8]:
+def judged(mesh: Mesh, rows: F64, codes: I64, cameras: F64, delta: Delta) -> tuple[U8, U8]:
+    """Which triangles of a mesh (relative to the scene's origin) views show, and which are in no camera's picture:
+    1 or 0 for each triangle.
+
+    rows [n, TABLE_SIZE], codes [n]: rows of a view table, and addresses of the views' depth codes; cameras: packed,
+    [m, CAMERA_SIZE].
+    """
     shown, unseen = np.empty((2, len(mesh.triangles)), np.uint8)
     triangles = Triangles(mesh.points, mesh.uv, mesh.triangles)
     judge_seed(rows, np.ascontiguousarray(codes), cameras, triangles, delta, shown, unseen)

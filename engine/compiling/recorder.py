@@ -77,6 +77,9 @@ def _rehearse(use: str, folder: Path) -> None:
     if use == "effects":
         _add_effects()
         return
+    if use == "seed":
+        _judge_seed()
+        return
     from ..io.recording import open_recording
 
     if use == "picture":
@@ -157,6 +160,22 @@ def _add_effects() -> None:
     mesh = ColouredTriangles(corners, triangles, part.uv, part.atlas.y, part.atlas.cb, part.atlas.cr)
     canvas = Canvas(16, 16)
     canvas.add_effects(Effects((thrown,), (mesh,)), Target(camera, origin), 0.1, 1, (0.1, 0.1))
+
+
+def _judge_seed() -> None:
+    """Look at the triangles of a seed with a picture; the rest, such as the model, is a quality's."""
+    import numpy as np
+
+    from ..background.seeding import judged
+    from ..geometry.mesh import Mesh
+    from ..rig.camera import Camera, Perspective, Pose
+    from ..rig.depth import DepthCoding
+    from ..rig.texture import from_rgb
+
+    from_rgb(np.zeros((16, 16, 3), np.uint8))
+    camera = Camera("eye", Perspective.from_fov(16, 16, 1.0), Pose(), DepthCoding(0.1, 10.0))
+    mesh = Mesh(np.eye(3, dtype=np.float32), np.zeros((3, 2), np.float32), np.array([[0, 1, 2]], np.int32))
+    judged(mesh, np.empty((0, 0)), np.empty(0, np.int64), camera.packed()[None], (0.1, 0.0))
 
 
 def _walk(recording: Any, quality: str) -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import io
 import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from farside.engine.background import seed_files
+from farside.engine.background.seed_files import read_seed
 from farside.engine.compiling import listing
 from farside.engine.compiling.listing import join
 from farside.engine.compiling.needed import USES, Kernel, needed_for, read, write
@@ -17,12 +20,14 @@ from farside.engine.compiling.pool import Compiling
 from farside.engine.compiling.recorder import Compiled
 from farside.engine.compiling.signatures import to_text
 from farside.engine.io.effect_files import read_mesh
+from farside.engine.kernels.background.seeding import judge_seed
 from farside.engine.kernels.rendering import added_mesh, projector
 from farside.engine.pipeline.engine import Engine
 from farside.engine.rig.camera import Pose
 from farside.engine.rig.effects import AddedMesh, Projector
 from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
+from PIL import Image
 from support import effects as room
 from support.rooms import camera_row
 
@@ -65,6 +70,20 @@ def test_effects_in_an_engine_need_no_other_kernels() -> None:
         name = kernel.py_func.__name__
         listed = {each.types for each in read() if each.name == name and "effects" in each.uses}
         assert {to_text(types) for types in kernel.signatures} == listed != set(), AGAIN
+
+
+def test_a_model_that_begins_with_an_earlier_one_needs_no_other_kernels(tmp_path: Path) -> None:
+    cameras = camera_row(3, (64, 48))
+    first = Engine(cameras, Settings.preset("balanced"))
+    first.update(room.frame(0, cameras))
+    (tmp_path / "room.glb").write_bytes(first.export("glb"))
+    seed = read_seed(tmp_path / "room.glb")
+    Engine(cameras, Settings.preset("balanced"), seed=seed).update(room.frame(0, cameras))
+    listed = {each.types for each in read() if each.name == "judge_seed" and "seed" in each.uses}
+    assert {to_text(types) for types in judge_seed.signatures} == listed != set(), AGAIN
+    with io.BytesIO() as file:
+        Image.new("RGB", (4, 4)).save(file, "PNG")
+        assert seed_files._decoded(file.getvalue(), 4).flags.writeable  # its colours are converted by a listed kernel
 
 
 def test_each_listed_kernel_is_there_and_comes_after_those_that_it_calls() -> None:

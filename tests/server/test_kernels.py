@@ -111,6 +111,7 @@ def test_with_all_kernels_the_model_begins_at_once(made: list[Told]) -> None:
         ({"quality": "fast", "target_fps": 10}, ("picture", "fast", "effects")),
         ({"quality": "best", "target_fps": 10}, ("picture", "best", "balanced", "fast", "effects")),
         ({"quality": "paper"}, ("picture", "paper", "effects")),
+        ({"seed_model": "room.glb"}, ("picture", "balanced", "seed", "effects")),
     ],
 )
 def test_settings_tell_what_is_needed(given: dict[str, Any], expected: tuple[str, ...]) -> None:
