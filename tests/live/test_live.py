@@ -6,7 +6,7 @@ import asyncio
 import dataclasses
 import os
 import threading
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
@@ -245,6 +245,35 @@ def test_the_same_cameras_keep_the_model_others_begin_anew() -> None:
                 await live.model.mesh("ply")
             await live.offer(a_frame(0, CAMERAS[:1]))
             assert live.shown is not core
+
+    run(scenario)
+
+
+def test_a_core_is_asked_whether_it_goes_on_with_cameras_elsewhere() -> None:
+    answers: list[bool | Exception] = [True, ValueError("camera v0: elsewhere: expected it to stand")]
+    answers.append(CoreLostError("the engine's process ended by SIGKILL"))
+    moved = [(dataclasses.replace(CAMERAS[0], pose=Pose((k, 0.0, 0.0))), CAMERAS[1]) for k in (1.0, 2.0, 3.0)]
+
+    class Keeping(FakeCore):
+        def continues(self, cameras: Sequence[Camera]) -> bool:
+            answer = answers.pop(0)
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+
+    async def scenario() -> None:
+        cores = Cores(Keeping)
+        async with Live(cores) as live:
+            await live.open(SOURCE)
+            await live.offer(a_frame(0))
+            await live.open(Source("moved", 25.0, moved[0]))
+            assert live.shown is cores.made[0]
+            with pytest.raises(ValueError, match="camera v0: elsewhere"):
+                await live.open(Source("refused", 25.0, moved[1]))
+            assert live.source is not None
+            assert live.source.name == "moved"
+            await live.open(Source("after", 25.0, moved[2]))
+            assert len(cores.made) == 2  # the first one is lost
 
     run(scenario)
 
