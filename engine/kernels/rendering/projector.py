@@ -16,24 +16,12 @@ import numba
 import numpy as np
 
 from ...support.array_types import F32, F64, I64, U8, U16
-from ...support.packed import (
-    CX,
-    CY,
-    FORWARD_X,
-    FX,
-    FY,
-    KIND,
-    PERSPECTIVE,
-    PHI_MAX,
-    POSITION_X,
-    RADIANS_A_COLUMN,
-    RADIANS_A_ROW,
-    THETA_MAX,
-)
+from ...support.packed import CX, CY, FORWARD_X, FX, FY, POSITION_X
 from ..base.jit import inlined, parallel, serial
 from ..base.tolerance import Delta, delta_at
 from ..base.tone import LARGEST
 from .colour import BLACK, GREY
+from .eye_directions import column_directions, row_direction
 from .records import DepthBuffer, Planes
 
 __all__ = [
@@ -129,28 +117,6 @@ def _relative(eye: F64, projector: F64) -> F64:
     return out
 
 
-@serial
-def _columns(camera: F64, width: int) -> F64:
-    """[2, width]: the part of a picture's directions that depends on the column (`_row`)."""
-    across = np.empty((2, width))
-    for x in range(width):
-        if camera[KIND] == PERSPECTIVE:
-            across[0, x], across[1, x] = 1.0, (camera[CX] - (x + 0.5)) / camera[FX]
-        else:
-            phi = camera[PHI_MAX] - (x + 0.5) * camera[RADIANS_A_COLUMN]
-            across[0, x], across[1, x] = math.cos(phi), math.sin(phi)
-    return across
-
-
-@inlined
-def _row(camera: F64, y: int) -> tuple[float, float]:
-    """Scale and height of a row: the direction of depth 1 is (scale * across[0], scale * across[1], height)."""
-    if camera[KIND] == PERSPECTIVE:
-        return 1.0, (camera[CY] - (y + 0.5)) / camera[FY]
-    theta = camera[THETA_MAX] - (y + 0.5) * camera[RADIANS_A_ROW]
-    return math.cos(theta), math.sin(theta)
-
-
 @inlined
 def _lit(thrown: ProjectedPicture, u: float, v: float, depth: float) -> float:
     """The share of the background around a point of the projector's picture, 0 to 1, that is at the point's depth.
@@ -238,11 +204,11 @@ def _paint(
 def _project_row(
     y: int, drawn: F32, winner: U8, eye: Eye, thrown: ProjectedPicture, to_projector: F64, across: F64, planes: Planes
 ) -> None:
-    """Throw a picture onto row y of an eye; drawn, winner [w]: of its buffer; across: from `_columns`."""
+    """Throw a picture onto row y of an eye; drawn, winner [w]: of its buffer; across: from `column_directions`."""
     projector, m = thrown.camera, to_projector
     fx, fy, cx, cy = projector[FX], projector[FY], projector[CX], projector[CY]
     wide, high = float(thrown.levels[0, PIXELS_WIDE]), float(thrown.levels[0, PIXELS_HIGH])
-    scale, height = _row(eye.camera, y)
+    scale, height = row_direction(eye.camera, y)
     for x in range(drawn.shape[0]):
         q = np.float64(drawn[x])
         if q <= 0.0:
@@ -270,7 +236,9 @@ def _project_row(
 def project(buffer: DepthBuffer, eye: Eye, thrown: ProjectedPicture, planes: Planes) -> None:
     """Throw a picture onto the drawn pixels of an eye that show the background; planes: their colours, in place."""
     to_projector = _relative(eye.camera, thrown.camera)
-    across = _columns(eye.camera, buffer.disparity.shape[1])
+    width = buffer.disparity.shape[1]
+    across = np.empty((2, width))
+    column_directions(eye.camera, width, across)
     for row in numba.prange(buffer.disparity.shape[0]):
         y = np.int64(row)
         _project_row(y, buffer.disparity[y], buffer.winner[y], eye, thrown, to_projector, across, planes)

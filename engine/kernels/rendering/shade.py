@@ -11,20 +11,19 @@ Pictures are processed by pairs of rows, and these by `cells`.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from ...support.array_types import F32, F64, I64, U8
-from ...support.packed import CX, CY, FX, FY, KIND, PERSPECTIVE, PHI_MAX, RADIANS_A_COLUMN, RADIANS_A_ROW, THETA_MAX
 from ..base.jit import inlined, inlined_late, parallel, serial
 from ..base.memory import VECTOR_BYTES, load, store
 from ..base.simd import LANES, Floats, Mask, any_of, maximum, minimum, select, spread, zipped, zipped_rest
 from ..base.tone import LARGEST
 from ..base.view_table import Views
 from .cells import CELL, FIELDS, PARTS, Sources, colour_cell, see_cell
+from .eye_directions import column_directions, row_direction
 from .lens import LENS_SIZE, make_lens
 from .records import DepthBuffer, Planes
 from .winner_colour import shade_by_winner
@@ -37,37 +36,15 @@ _ROOM = 7  # vectors per part for a cell's pixels and sums
 
 
 @serial
-def _directions(camera: F64, width: int, across: F32) -> None:
-    """across [2, >= width]: the part of the eye's directions that depends on the column (`_row_of_directions`)."""
-    for x in range(width):
-        if camera[KIND] == PERSPECTIVE:
-            across[0, x], across[1, x] = 1.0, (camera[CX] - (x + 0.5)) / camera[FX]
-        else:
-            phi = camera[PHI_MAX] - (x + 0.5) * camera[RADIANS_A_COLUMN]
-            across[0, x], across[1, x] = math.cos(phi), math.sin(phi)
-    for x in range(width, across.shape[1]):
-        across[0, x] = across[1, x] = 0.0
-
-
-@inlined
-def _row_of_directions(camera: F64, y: int) -> tuple[float, float]:
-    """Scale and height of a row: the direction of depth 1 is (scale * across[0], scale * across[1], height)."""
-    if camera[KIND] == PERSPECTIVE:
-        return 1.0, (camera[CY] - (y + 0.5)) / camera[FY]
-    theta = camera[THETA_MAX] - (y + 0.5) * camera[RADIANS_A_ROW]
-    return math.cos(theta), math.sin(theta)
-
-
-@serial
 def _shade_pair(
     camera: F64, y: int, width: int, near: int, across: int, sources: Sources, room: int, lumas: int, chromas: int
 ) -> None:
     """Colour two rows of `width` pixels, a multiple of a cell. Addresses of float32 arrays: near [2, width]: disparity
-    of the pixels to be coloured; across [2, width]: see `_directions`; lumas [2, width]: filled, -1 where no view
+    of the pixels to be coloured; across [2, width]: see `column_directions`; lumas [2, width]: filled, -1 where no view
     agrees; chromas [3, width / 2]: filled for each block with sums of cb and cr over the pixels coloured, and their
     number; room [ROOM + views FIELDS, PARTS, LANES]."""
-    scale, height = _row_of_directions(camera, y)
-    scale_below, height_below = _row_of_directions(camera, y + 1)
+    scale, height = row_direction(camera, y)
+    scale_below, height_below = row_direction(camera, y + 1)
     pixels, sums, seen = room, room + _PIXELS * PARTS * VECTOR_BYTES, room + _ROOM * PARTS * VECTOR_BYTES
     for x in range(0, width, CELL):
         for part in range(PARTS):
@@ -214,7 +191,7 @@ def shade(
     lenses, across = np.empty((n_views, LENS_SIZE), np.float32), np.empty((2, padded), np.float32)
     for k in range(n_views):
         make_lens(views.table[k], camera, lenses[k])
-    _directions(camera, w, across)
+    column_directions(camera, w, across)
     asked = _Lenses(lenses, views.addresses, blend, cubic)
     chunks = min(pairs, _CHUNKS)
     for chunk in numba.prange(chunks):
