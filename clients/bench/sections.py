@@ -93,7 +93,8 @@ SECTIONS = (
         "Each cell holds two figures, without the moving camera and with it. It only updates the model; pictures are "
         "drawn from two of the four fixed views. Holes are before filling. Since the row before, asked: its pixels "
         "that its capture before did not show; added: triangles of those that are farther than the model; culled: all "
-        "triangles that were culled. P-PBS: what has accumulated (Fig. 12b of the paper).",
+        "triangles that were culled. P-PBS: what has accumulated (Fig. 12b of the paper). Below: whether updates get "
+        "slower, and the triangles that there would be without culling.",
         reports=True,
     ),
     Section(
@@ -164,6 +165,12 @@ SECTIONS = (
         "threads. By HTTP a request is packed beforehand, and its answer is not unpacked; no video plays meanwhile.",
     ),
     Section(
+        "saving", "How long do pictures and updates wait while the model is saved?",
+        ("saving", "museum", "--scale", "0.25", *_BALANCED),
+        "The engine is a process of its own; the model is saved every three seconds instead of every minute. A copy is "
+        "made between two updates; it is written by a thread that gives way to pictures.",
+    ),
+    Section(
         "live", "How fast and steady is the live service, over localhost?",
         ("live", "{museum}", "--quality", "fast", "--size", "1280x1440"),
         "Server, replay and headset are a process each. Stalls of the event loop are shown with and without the time "
@@ -219,4 +226,5 @@ _TAKES = {
     "spared": ("--scale", "--frames"),
     "moving": ("--frames",),
     "queries": ("--frames",),
+    "saving": ("--frames",),
 }
