@@ -18,7 +18,10 @@ __all__ = ["command"]
 def command(
     name: Annotated[
         str,
-        typer.Argument(help="museum, hijack, painter, frog, gymnasium-a, gymnasium-b, doorway or street"),
+        typer.Argument(
+            help="museum, hijack, painter, frog, gymnasium-a, gymnasium-b, doorway, street, museum-lamps or "
+            "gymnasium-lamps"
+        ),
     ],
     out: Annotated[Path, typer.Argument(help="New or empty folder to write; the sequence's JSON is named after it")],
     scale: Annotated[float, typer.Option(help="Size of the pictures; 1: the paper's size")] = 1.0,

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..kernels.synth import patterns as p
 from .furniture import bench, column, room
+from .lamps import Dimming, Fade
 from .parts import Group, box, capsule, cylinder, placed, turn
 from .people import Actor, Path, ball
 from .scene import Scene
@@ -15,9 +16,21 @@ from .shop import Shop
 
 __all__ = ["make"]
 
+# The lamps at one end are dimmed one after the other; then those at the other end get warmer.
+_DIMMING = Dimming(
+    4,
+    (
+        Fade(0, 2.0, 2.0, (0.1, 0.1, 0.1)),
+        Fade(1, 2.5, 2.5, (0.3, 0.3, 0.3)),
+        Fade(2, 3.0, 2.0, (1.0, 0.7, 0.3)),
+        Fade(3, 3.0, 2.0, (1.0, 0.8, 0.5)),
+    ),
+)
+
 
 def make(name: str, rng: np.random.Generator) -> Scene:
-    """The scene called `name`: in gymnasium-b the runner is faster. `rng` draws its materials and its people."""
+    """The scene called `name`: in gymnasium-b the runner is faster, in gymnasium-lamps the light changes. `rng` draws
+    its materials and its people."""
     shop = Shop(rng)
     add = shop.palette.add
     boards = add(p.PLANKS, (0.5, 0.31, 0.15), (0.2, 0.12, 0.06), 0.12, 0.35)
@@ -40,7 +53,8 @@ def make(name: str, rng: np.random.Generator) -> Scene:
     toy = add(p.STRIPES, (0.75, 0.3, 0.06), (0.12, 0.08, 0.06), 0.11, 0.4)
     actors.append(ball(toy, 0.13, Path([(2.2, 0.6), (1.6, -2.8), (-2.6, -1.2)], 2.5, 0.2), bounce=0.9))
     lamps = [(x, y, 7.0, 0.42, 5.0) for x in (-6, 6) for y in (-3.5, 3.5)]
-    return Scene(name, shop.palette.packed(), np.array(lamps), groups, actors)
+    dimming = _DIMMING if name == "gymnasium-lamps" else None
+    return Scene(name, shop.palette.packed(), np.array(lamps), groups, actors, dimming)
 
 
 def _apparatus(shop: Shop) -> list[Group]:

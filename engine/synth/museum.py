@@ -8,6 +8,7 @@ import numpy as np
 
 from ..kernels.synth import patterns as p
 from .furniture import bench, column, picture, plant, room, statue, table, vase
+from .lamps import Dimming, Fade
 from .parts import Group, box, placed
 from .people import Actor, Path, carton
 from .scene import Scene
@@ -15,9 +16,12 @@ from .shop import Shop
 
 __all__ = ["make"]
 
+# The lamp at one end goes out, but for a glow; then the one at the other end gets warmer.
+_DIMMING = Dimming(4, (Fade(0, 2.0, 3.0, (0.1, 0.1, 0.1)), Fade(1, 3.0, 2.0, (1.0, 0.7, 0.3))))
+
 
 def make(name: str, rng: np.random.Generator) -> Scene:
-    """The scene called `name`; `rng` draws its materials and its people."""
+    """The scene called `name`: in museum-lamps the light changes. `rng` draws its materials and its people."""
     shop = Shop(rng)
     sizes = [(1.5, 1.1), (1.0, 1.4), (1.9, 1.2), (0.9, 0.9), (1.4, 1.6)]
     groups = room(
@@ -42,7 +46,8 @@ def make(name: str, rng: np.random.Generator) -> Scene:
     groups += _exhibits(shop)
     actors = _visitors(shop)
     lamps = [(-4, 0, 4.2, 0.55, 4.0), (4, 0, 4.2, 0.55, 4.0), (0, 4, 4.2, 0.3, 3.0), (0, -4, 4.2, 0.3, 3.0)]
-    return Scene(name, shop.palette.packed(), np.array(lamps), groups, actors)
+    dimming = _DIMMING if name == "museum-lamps" else None
+    return Scene(name, shop.palette.packed(), np.array(lamps), groups, actors, dimming)
 
 
 def _exhibits(shop: Shop) -> list[Group]:

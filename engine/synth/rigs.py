@@ -65,6 +65,8 @@ def twin_cameras(name: str, scale: float = 1.0) -> Rig:
         "gymnasium-b": _gymnasium,
         "doorway": _doorway,
         "street": _street,
+        "museum-lamps": _museum,
+        "gymnasium-lamps": _gymnasium,
     }
     if name not in rigs:
         raise ValueError(f"twin: {name!r}: expected one of {', '.join(rigs)}")

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..kernels.synth.solids import END, FIRST, Solids
 from ..support.array_types import F64
+from .lamps import Dimming
 from .parts import Group, pack
 from .people import Actor
 
@@ -18,13 +19,15 @@ __all__ = ["Scene"]
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Groups of solids that stand still, lit by fixed lamps, and actors, which are functions of time."""
+    """Groups of solids that stand still, lit by lamps, and actors, which are functions of time. Without `dimming` the
+    lamps do not change."""
 
     name: str
     materials: F64  # [k, MATERIAL_SIZE]
-    lamps: F64  # [l, LAMP_SIZE]: position, strength, reach
+    lamps: F64  # [l, 5]: position, strength, reach
     static: Sequence[Group]
     actors: Sequence[Actor]
+    dimming: Dimming | None = None
 
     @cached_property
     def background(self) -> Solids:
@@ -37,3 +40,8 @@ class Scene:
         moving_parts, moving_groups = pack([actor(time) for actor in self.actors])
         moving_groups[:, [FIRST, END]] += len(parts)
         return Solids(np.concatenate([parts, moving_parts]), np.concatenate([groups, moving_groups]))
+
+    def lit(self, time: float) -> F64:  # [l, LAMP_SIZE]
+        """The lamps at `time` in seconds, as the ray tracer reads them."""
+        shares = np.ones((len(self.lamps), 3)) if self.dimming is None else self.dimming.shares(time)
+        return np.concatenate([self.lamps, shares], axis=1)

@@ -20,6 +20,8 @@ TWINS: dict[str, Callable[[str, np.random.Generator], Scene]] = {
     "gymnasium-b": gymnasium.make,
     "doorway": doorway.make,
     "street": street.make,
+    "museum-lamps": museum.make,
+    "gymnasium-lamps": gymnasium.make,
 }
 
 

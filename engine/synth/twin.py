@@ -18,6 +18,7 @@ from ..rig.camera import Camera, Perspective
 from ..rig.frame import Frame, Texture, View
 from ..rig.selection import select_views
 from ..rig.viewer import home_pose
+from ..support.array_types import F64
 from .rigs import Rig, twin_cameras
 from .scenes import Scene, make_scene
 
@@ -33,7 +34,7 @@ _WIDE, _DEPTHS_M = Perspective.from_fov(64, 64, math.pi / 2), (1.5, 3.0, 6.0)  #
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """A scene and its rig. What stands still is rendered once for each camera and kept."""
+    """A scene and its rig. What stands still is rendered once for each camera, as long as the light stays, and kept."""
 
     name: str
     seed: int
@@ -41,7 +42,7 @@ class Twin:
     rig: Rig
     depth_noise: float
     samples: int = 2
-    _static: dict[Camera, View] = field(default_factory=dict)
+    _static: dict[Camera, tuple[F64, View]] = field(default_factory=dict)  # with the light in which it was rendered
     _moments: dict[int, Solids] = field(default_factory=dict)  # the latest instant only
 
     @property
@@ -68,14 +69,15 @@ class Twin:
 
         The same as that of `render_view`, but faster for cameras that do not move: only the actors are traced again.
         """
-        if camera not in self._static:
-            self._static[camera] = render_view(
-                self.scene, camera, 0.0, samples=self.samples, background_only=True
-            )
-        still = self._static[camera]
+        time = index / FPS
+        lamps = self.scene.lit(time)
+        if camera not in self._static or not np.array_equal(self._static[camera][0], lamps):
+            still = render_view(self.scene, camera, time, samples=self.samples, background_only=True)
+            self._static[camera] = lamps, still
+        still = self._static[camera][1]
         texture = Texture(still.texture.y.copy(), still.texture.cb.copy(), still.texture.cr.copy())
         view = View(camera, texture, still.codes.copy())
-        _trace(self.scene, view, self._packed(index), self.samples, first=len(self.scene.static))
+        _trace(self.scene, view, self._packed(index), lamps, self.samples, first=len(self.scene.static))
         return view
 
     def view(self, name: str, index: int) -> View:
@@ -128,7 +130,8 @@ def render_view(
     half = ((height + 1) // 2, (width + 1) // 2)
     texture = Texture(*(np.zeros(shape, np.uint16) for shape in ((height, width), half, half)))
     view = View(camera, texture, np.zeros((height, width), np.uint16))
-    _trace(scene, view, scene.background if background_only else scene.packed(time), samples, first=0)
+    solids = scene.background if background_only else scene.packed(time)
+    _trace(scene, view, solids, scene.lit(time), samples, first=0)
     return view
 
 
@@ -193,9 +196,10 @@ def _trace(
     scene: Scene,
     view: View,
     packed: Solids,
+    lamps: F64,
     samples: int,
     first: int,
 ) -> None:
     picture = TracedPicture(view.texture.y, view.texture.cb, view.texture.cr, view.codes)
-    arrays = SceneArrays(*packed, scene.materials, scene.lamps)
+    arrays = SceneArrays(*packed, scene.materials, lamps)
     trace_picture(view.camera.packed(), view.camera.depth.packed(), arrays, first, samples, picture)

@@ -85,7 +85,7 @@ def solids() -> Iterator[tuple[str, np.ndarray]]:
         ],
         [box(numbers[k], (6.0, 1.6 * (k - 5.5), 0.0), (0.2, 1.6, 4.0)) for k in range(4, 8)],
     ]
-    lamps = np.array([[0.0, 0.0, 3.0, 0.8, 3.0]])
+    lamps = np.array([[0.0, 0.0, 3.0, 0.8, 3.0, 1.0, 0.8, 0.6]])
     scene = SceneArrays(*pack(groups), palette.packed(), lamps)
     camera = Camera("c", Perspective.from_fov(22, 16, 1.2), Pose(), CODING)
     out = TracedPicture(

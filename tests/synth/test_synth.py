@@ -19,6 +19,7 @@ from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import View
 from farside.engine.rig.viewer import home_pose
 from farside.engine.synth import (
+    FPS,
     TWINS,
     Scene,
     make_scene,
@@ -34,7 +35,7 @@ from farside.engine.synth.people import Path as Way
 SCALE = 0.04
 VIEWS = {
     "museum": 24, "hijack": 10, "painter": 16, "frog": 13, "gymnasium-a": 5, "gymnasium-b": 5,
-    "doorway": 8, "street": 8,
+    "doorway": 8, "street": 8, "museum-lamps": 24, "gymnasium-lamps": 5,
 }  # fmt: skip
 
 
@@ -235,6 +236,30 @@ def test_the_street_reaches_from_people_near_by_to_hills_far_away() -> None:
     agree = np.abs(view.codes.astype(float) - view.camera.depth.codes(ground)) <= 1
     assert agree.mean() > 0.15  # asphalt; the rest is pavements, houses and people
     assert (depth[~agree] < ground[~agree]).all()  # and nothing is below it
+
+
+@pytest.mark.parametrize(("name", "plain"), [("museum-lamps", "museum"), ("gymnasium-lamps", "gymnasium-a")])
+def test_light_fades_and_gets_warmer_here_and_there(name: str, plain: str) -> None:
+    twin, steady = make_twin(name, SCALE), make_twin(plain, SCALE)
+    dimming = twin.scene.dimming
+    assert dimming is not None
+    start, end = round(dimming.start * FPS), round(dimming.end * FPS)
+    camera = twin.camera("t2")
+    assert same(twin.truth(camera, start), steady.truth(camera, start))
+    halfway = (start + end) // 2
+    assert same(twin.truth(camera, halfway), render_view(twin.scene, camera, halfway / FPS))
+    changes = []
+    for source in twin.source_names:
+        now, before = (t.view(source, end) for t in (twin, steady))
+        np.testing.assert_array_equal(now.codes, before.codes)
+        gain = (now.texture.y - 64.0) / np.maximum(before.texture.y - 64.0, 1.0)
+        redder = now.texture.cr.astype(float) - before.texture.cr
+        changes.append([*np.percentile(gain, [1, 99]), *np.percentile(redder, [1, 99])])
+    darkest, brightest, least, most = np.array(changes).T
+    assert darkest.min() < 0.8  # at one end
+    assert brightest.max() > 0.9  # while there is hardly a change at the other, but that
+    assert most.max() > 15  # it is redder
+    assert least.min() < 3
 
 
 def test_the_runner_of_gymnasium_b_is_the_only_difference() -> None:

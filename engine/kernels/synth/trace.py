@@ -28,8 +28,9 @@ from .solids import (
 
 __all__ = ["LAMP_SIZE", "SceneArrays", "TracedPicture", "trace_picture"]
 
-LAMP_X, LAMP_Y, LAMP_Z, STRENGTH, REACH = range(5)  # of a lamp; metres
-LAMP_SIZE = 5
+# Of a lamp: position and reach in metres; RED, GREEN and BLUE: the shares of its strength.
+LAMP_X, LAMP_Y, LAMP_Z, STRENGTH, REACH, RED, GREEN, BLUE = range(8)
+LAMP_SIZE = 8
 AMBIENT = 0.38
 TILE = 16  # pixels; the groups that a tile may see are searched once for all its rays
 
@@ -53,15 +54,17 @@ class TracedPicture(NamedTuple):
 
 
 @serial
-def _light(lamps: F64, p: Vector, n: Vector) -> float:
-    """Diffuse light without shadows, so that static things keep their colours when somebody walks past."""
-    total: float = AMBIENT * (0.85 + 0.15 * n[2])
+def _light(lamps: F64, p: Vector, n: Vector) -> Vector:
+    """Diffuse light (red, green, blue) without shadows, so that static things keep their colours when somebody walks
+    past."""
+    red = green = blue = AMBIENT * (0.85 + 0.15 * n[2])
     for k in range(lamps.shape[0]):
         x, y, z = lamps[k, LAMP_X] - p[0], lamps[k, LAMP_Y] - p[1], lamps[k, LAMP_Z] - p[2]
         squared = x * x + y * y + z * z
         soft = 0.5 + 0.5 * (x * n[0] + y * n[1] + z * n[2]) / math.sqrt(squared)
-        total += lamps[k, STRENGTH] * soft * soft / (1.0 + squared / (lamps[k, REACH] * lamps[k, REACH]))
-    return total
+        light = lamps[k, STRENGTH] * soft * soft / (1.0 + squared / (lamps[k, REACH] * lamps[k, REACH]))
+        red, green, blue = red + lamps[k, RED] * light, green + lamps[k, GREEN] * light, blue + lamps[k, BLUE] * light
+    return red, green, blue
 
 
 @serial
@@ -77,8 +80,8 @@ def _shade(scene: SceneArrays, i: int, o: Vector, d: Vector, t: float, pixel_rad
     r, g, b = pattern_colour(
         scene.materials, material_of(scene.parts, i), p[0], p[1], p[2], u, v, half_u, half_v, footprint
     )
-    light = _light(scene.lamps, world, n)
-    return r * light, g * light, b * light
+    red, green, blue = _light(scene.lamps, world, n)
+    return r * red, g * green, b * blue
 
 
 @serial
