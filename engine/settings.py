@@ -22,6 +22,7 @@ PER_PICTURE = (
 MODELLING = (
     "tolerance_px", "edge_px", "model_rims", "baseline_m", "viewing_space", "max_block_px", "delta_m",
     "delta_disparity", "margin_m", "culling_stride", "rays_by_triangle", "filter_neighbours", "refine", "backdrop",
+    "light_s",
 )  # fmt: skip
 
 
@@ -83,6 +84,9 @@ class Settings:
     # (bench --exposure museum), equal views lose nothing. It costs the back end a few milliseconds per frame,
     # whatever the size of the pictures.
     exposure_s: float = 0.5
+    # Colours of the background model follow the present views when the light changes, differently from place to place;
+    # this is the time constant, in seconds. 0: they stay as they were first seen.
+    light_s: float = 0.0
     blend: int = 3  # how many of the rendered views may contribute to a pixel's colour
     # Anti-aliasing of silhouettes. morphological: blended according to the shape of their staircases (3 ns per pixel);
     # samples: drawn and shaded from four samples per pixel (this adds more than half of a picture's time). Either
@@ -109,7 +113,7 @@ class Settings:
             raise ValueError("rays_by_triangle: False: expected True where culling_stride is 0, as nothing casts rays")
         if not 0 <= self.filter_neighbours <= 8:
             raise ValueError(f"filter_neighbours: {self.filter_neighbours!r}: expected 0 to 8")
-        for name in ("tolerance_px", "exposure_s", "pbi_margin_rad"):
+        for name in ("tolerance_px", "exposure_s", "light_s", "pbi_margin_rad"):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 0")
         for name in ("pbi_scale", "output_scale"):
@@ -165,7 +169,7 @@ class Settings:
         3D warped onto these background images" (3.4.2); ghost_test: by depth alone. fill: "blended from the colors of
         neighboring pixels in nonhole areas, with those having farther depths more weighted" (3.4.3); settles: each
         picture is filled anew. blend: the nearest of the warped triangles gives the colour. completion, exposure_s,
-        antialias, cubic and prefilter are not in the paper.
+        light_s, antialias, cubic and prefilter are not in the paper.
 
         These steps differ: n_render views are chosen by the overlap of fields of view (3.1 allows it, 4.1 took the
         nearest cameras); the filter of Fig. 6b casts its rays through the pixels of a camera, the corners of new
@@ -179,8 +183,8 @@ class Settings:
             n_render=5, n_init=6, n_update=1, draw_moving=False, delta_m=0.2, delta_disparity=0.0, margin_m=0.2,
             tolerance_px=0.0, max_block_px=1, rims=False, model_rims=False, culling_stride=1, rays_by_triangle=False,
             filter_neighbours=0, refine=False, backdrop="farthest", overdraw=True, ghost_test=False, pbi_scale=1.0,
-            fill="smooth", settles=False, blend=1, completion=False, exposure_s=0.0, antialias="none", cubic=False,
-            prefilter=False,
+            fill="smooth", settles=False, blend=1, completion=False, exposure_s=0.0, light_s=0.0, antialias="none",
+            cubic=False, prefilter=False,
         )  # fmt: skip
 
     def fixed_as_in(self, other: Settings) -> None:

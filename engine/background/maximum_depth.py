@@ -21,6 +21,7 @@ from ..rig.camera import Camera
 from ..rig.depth import DepthCoding
 from ..rig.frame import Texture, View
 from ..rig.texture import toned_texture
+from .light import FollowedLight
 from .state import CaptureState
 from .tolerances import Tolerances
 
@@ -47,6 +48,7 @@ class MaximumDepthImage:
         self.texture = toned_texture(view.texture, tone)
         self.flags = np.zeros(self.codes.shape, np.uint8)
         self.fused = np.empty((0, 0), np.uint8)
+        self._light: FollowedLight | None = None  # until light is followed
         self._edge = min(round(edge / view.camera.depth.step), view.camera.depth.max_code)  # in codes
         self._refine = refine
         self._number = 0  # views taken so far
@@ -75,7 +77,7 @@ class MaximumDepthImage:
         return {
             **arrays, "y": y, "cb": cb, "cr": cr, "counts": self._counts.copy(), "number": self._number,
             "turn": self._turn, "edge": self._edge, "refine": self._refine, "margin_m": rules.margin_m,
-            "margin_disparity": rules.margin_disparity,
+            "margin_disparity": rules.margin_disparity, "light": None if self._light is None else self._light.state(),
         }  # fmt: skip
 
     @classmethod
@@ -87,6 +89,7 @@ class MaximumDepthImage:
         for name in ("flags", "fused", "pending", "lone"):
             setattr(image, name, getattr(state, name).copy())
         image._counts = state.counts.copy()
+        image._light = None if state.light is None else FollowedLight.from_state(state.light)
         image._number, image._turn = state.number, state.turn
         image._compare_by(state.margin_m, state.margin_disparity)
         return image
@@ -115,6 +118,17 @@ class MaximumDepthImage:
         fuse_maximum_depth(
             Picture(view.codes, *_planes(view.texture)), Picture(self.codes, *_planes(self.texture)), self.flags,
             self.fused, self._rules, np.asarray(tone), self._number,
+        )  # fmt: skip
+
+    def follow_light(self, view: View, tone: npt.ArrayLike, share: float, *, total: float, first: int = 0) -> None:
+        """Moves colours by `share` of the way to those of the view that `update` took, where the light has changed and
+        both show the same surface; others change as those round them (`light`). Each call covers one of PHASES groups
+        of rows, the first call number `first`. `total`: as in `light.FollowedLight.follow`."""
+        if self._light is None:
+            self._light = FollowedLight(self.codes.shape, first)
+        self._light.follow(
+            Picture(view.codes, *_planes(view.texture)), Picture(self.codes, *_planes(self.texture)), self.flags,
+            self._rules, np.asarray(tone), share, total,
         )  # fmt: skip
 
     @property

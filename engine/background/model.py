@@ -8,11 +8,14 @@ and `new_triangles`), `culling`. Cameras that move (4.2): `newly_visible`, `olde
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..geometry.completion import trusted
+from ..kernels.background.fusion import COLOUR_FRAMES
+from ..kernels.background.maximum_depth import PHASES
 from ..kernels.base.tone import IDENTITY
 from ..rig.frame import Frame, View
 from ..support.array_types import F64
@@ -32,6 +35,8 @@ from .viewing_space import flag_hidden
 
 __all__ = ["BackgroundModel", "UpdateReport"]
 
+_LIGHT_TURNS = 2  # updates in which the light of each image is followed once
+
 
 class BackgroundModel(ModelParts):
     """The S-PBS from the first frame and the P-PBS from surfaces that later frames uncover; it renders probable
@@ -45,17 +50,21 @@ class BackgroundModel(ModelParts):
     S-PBS begins with (`seeding`).
     """
 
-    def update(self, frame: Frame, tones: F64 | None = None) -> UpdateReport:
+    def update(self, frame: Frame, tones: F64 | None = None, elapsed_s: float = 0.0) -> UpdateReport:
         """Takes the next frame: the first builds the S-PBS, each later one gives a group of cameras its turn.
 
         tones [n, TONE_SIZE]: the packed tones that convert the views' colours to the model's common tone; None: no
-        conversion. Raises ValueError, and changes nothing, for a frame of other cameras and for a first frame without
-        depth.
+        conversion. elapsed_s: seconds since the frame before, by which colours follow the light (`Settings.light_s`);
+        0: they do not. Raises ValueError, and changes nothing, for a frame of other cameras and for a first frame
+        without depth.
         """
         self._rig.check(frame)
         if tones is None:
             tones = np.tile(IDENTITY, (len(frame.views), 1))
-        report = self._progress(frame, tones) if len(self._captures) else self._initialise(frame, tones)
+        if len(self._captures):
+            report = self._progress(frame, tones, elapsed_s)
+        else:
+            report = self._initialise(frame, tones)
         for name, count in self.counts().items():
             setattr(report, name, count)
         still = [c for c in self._rig.still() if frame.views[c].there]
@@ -113,7 +122,7 @@ class BackgroundModel(ModelParts):
         )  # fmt: skip
         self._seed = None  # its pictures live on, its triangles are there twice
 
-    def _progress(self, frame: Frame, tones: F64) -> UpdateReport:
+    def _progress(self, frame: Frame, tones: F64, elapsed_s: float) -> UpdateReport:
         """A later frame (section 3.3.3)."""
         self._rig.note_moved(frame)
         for c in sorted(self._rig.unseen.intersection(frame.there)):
@@ -126,6 +135,7 @@ class BackgroundModel(ModelParts):
         report = UpdateReport(frame.index, tuple(self.cameras[c].name for c in group))
         with timed(report.stages, "maximum_depth"):
             self._update_images(frame, tones, seen, group, report)
+            self._follow_light(frame, tones, elapsed_s, seen)
         forgotten = 0
         for c in group:
             if c in self._rig.moved:
@@ -160,6 +170,20 @@ class BackgroundModel(ModelParts):
             report.updated += image.update(frame.views[c], tones[c], whole=c in group)
             if self.tolerances.noise:
                 image.fuse(frame.views[c], tones[c])
+
+    def _follow_light(self, frame: Frame, tones: F64, elapsed_s: float, seen: Sequence[int]) -> None:
+        """Colours of the same images follow the light (`light`), elapsed_s seconds after the frame before. Each image
+        has its turn in one of _LIGHT_TURNS updates."""
+        time_s, turn = self.settings.light_s, self._tolerances.frames
+        if time_s == 0.0 or elapsed_s == 0.0:
+            return
+        rounds_s = PHASES * _LIGHT_TURNS * self.settings.update_interval * elapsed_s
+        share = -math.expm1(-rounds_s / time_s)
+        fused = (1.0 - 1.0 / COLOUR_FRAMES) ** _LIGHT_TURNS if self.tolerances.noise else 1.0
+        for c in self._rig.still():
+            if c in seen and (c + turn) % _LIGHT_TURNS == 0:
+                image = self._captures.current[c].image
+                image.follow_light(frame.views[c], tones[c], share, total=1.0 - (1.0 - share) * fused, first=c)
 
     def _follow(self, c: int, view: View, tone: F64, report: UpdateReport) -> None:
         """The turn of a reference camera that has moved since its last turn (section 4.2)."""

@@ -18,6 +18,7 @@ from ..rig.depth import DepthCoding
 from ..settings import Settings
 from ..support.array_types import B1, F32, F64, I32, I64, U8, U16, U64
 from .atlas import Atlas
+from .light import LightState
 from .surface import Surface
 
 __all__ = [
@@ -79,8 +80,8 @@ class SceneState:
 class CaptureState:
     """A capture (`capture.Capture`): its number; index of its reference camera, that camera in its pose, and its
     maximum depth image (`maximum_depth.MaximumDepthImage`): planes and flags [h, w], chroma [(h + 1) // 2,
-    (w + 1) // 2]; per block, whether updates wait, and the numbers of updates; counters; and the rules of
-    comparison."""
+    (w + 1) // 2]; per block, whether updates wait, and the numbers of updates; counters; the rules of comparison; and
+    the light, None if it is not followed."""
 
     capture: int
     index: int
@@ -100,6 +101,7 @@ class CaptureState:
     refine: bool
     margin_m: float
     margin_disparity: float
+    light: LightState | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,9 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..kernels.background.directions import COLUMNS, ROWS
+from ..kernels.background.light import CHANGE_SIZE, SUMS_SIZE
 from ..rig.camera import Camera
 from ..settings import Settings
 from .atlas import Atlas
+from .light import LightState, cells_of
 from .maximum_depth import BLOCK
 from .state import (
     CameraState,
@@ -145,7 +147,17 @@ def _check_capture(capture: CaptureState, name: str, cameras: Sequence[Camera]) 
     _expect(min(capture.number, capture.turn) >= 0, f"{name}.number", capture.number, "0 or more")
     for field in ("margin_m", "margin_disparity"):
         _expect(getattr(capture, field) >= 0.0, f"{name}.{field}", getattr(capture, field), "0 or more")
+    if capture.light is not None:
+        _check_light(capture.light, f"{name}.light", cells_of((h, w)))
     return _Picture("capture", w, h, capture.index)
+
+
+def _check_light(light: LightState, name: str, cells: tuple[int, ...]) -> None:
+    sizes = {"sums": (SUMS_SIZE,), "active": (), "waiting": (CHANGE_SIZE,), "known": (), "change": (CHANGE_SIZE,)}
+    for field, size in sizes.items():
+        array = getattr(light, field)
+        _shape(f"{name}.{field}", array, (*cells, *size))
+        _expect(bool(np.isfinite(array).all()), f"{name}.{field}", "a number that is not finite", "finite numbers")
 
 
 def _check_remains(remains: RemainsState, name: str, count: int) -> _Picture:

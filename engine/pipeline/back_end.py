@@ -200,7 +200,7 @@ class BackEnd:
             return None
         if self.model is None:
             self.model = BackgroundModel(self._cameras, settings, scene, seed=self._seed)
-        report = self.model.update(frame, None if tones is None else to_common(tones))
+        report = self.model.update(frame, None if tones is None else to_common(tones), 1.0 / self.f_vin)
         self._newest = frame.index
         return report
 

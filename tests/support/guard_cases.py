@@ -309,6 +309,7 @@ def any_settings(rng: Rng) -> Settings:
         "culling_stride": int(rng.choice([0, 0, 1, 3])), "backdrop": str(rng.choice(["standing", "farthest"])),
         "rims": bool(rng.integers(2)), "overdraw": bool(rng.integers(2)), "completion": bool(rng.integers(2)),
         "prefilter": bool(rng.integers(2)), "exposure_s": float(rng.choice([0.0, 0.5])),
+        "light_s": float(rng.choice([0.0, 0.01, 0.5])),
         "output_scale": float(rng.choice([1.0, 1.0, 0.5])), "baseline_m": 0.5,
         "viewing_space": None if rng.random() < 0.6 else (0.0, 0.0, 0.0, 0.5),
     }  # fmt: skip

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from farside.engine.background.capture import Present, Remains
 from farside.engine.background.exposure import Exposure
+from farside.engine.background.light import cells_of
+from farside.engine.background.maximum_depth import MaximumDepthImage
 from farside.engine.background.model import BackgroundModel
 from farside.engine.background.pbi import uncovered_cells
 from farside.engine.background.ray_tracer import EmbreeTracer
@@ -16,12 +18,17 @@ from farside.engine.background.seed import Seed
 from farside.engine.background.seed_files import seed_of
 from farside.engine.background.surface import Surface
 from farside.engine.background.texture_pages import Part, arrange, paint
+from farside.engine.background.tolerances import Tolerances
 from farside.engine.background.viewing_space import ViewingSpace
 from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.geometry.triangulation import TriangulationOptions
 from farside.engine.kernels.background.hidden import flag_unseen, spread_seen
+from farside.engine.kernels.background.light import SUMS_SIZE, Cells, follow_light
+from farside.engine.kernels.background.maximum_depth import PHASES
+from farside.engine.kernels.background.picture import Picture
+from farside.engine.kernels.base.tone import IDENTITY
 from farside.engine.kernels.evaluation.leaks import count_leaks, farthest_distances
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.frame import Frame, Texture, View
@@ -94,6 +101,23 @@ def models() -> Named:
             assert seeded.update(video[0]).rays > 0
             assert seeded.state().atlases
             yield from _shown("seeded", seeded, present)
+
+
+def light() -> Named:
+    """Colours of a maximum depth image that follow a darker view, someone before it: where it is active, and where it
+    is only compared; what is hidden changes."""
+    first, now = (seen_by(CAMERAS[1], 0, box, 0.0, gain) for box, gain in ((None, 1.0), (0.0, 0.7)))
+    image = MaximumDepthImage(first, Tolerances(0.1, 0.02), 0.05)
+    size = cells_of(first.codes.shape)
+    sums, change = np.zeros((*size, SUMS_SIZE)), np.tile((0.8, 0.02, -0.01), (*size, 1))
+    views = now, View(first.camera, image.texture, image.codes)
+    pictures = [Picture(view.codes, view.texture.y, view.texture.cb, view.texture.cr) for view in views]
+    active = (np.indices(size).sum(axis=0) % 2).astype(np.uint8)
+    for number in range(PHASES):
+        cells = Cells(active, True, change, sums)
+        follow_light(*pictures, image.flags, image._rules, np.array(IDENTITY), number, 2, 0.25, cells)
+    assert 0 < np.count_nonzero(image.texture.y != first.texture.y) < first.codes.size
+    yield from (("sums", sums), ("y", image.texture.y), ("cb", image.texture.cb), ("cr", image.texture.cr))
 
 
 def walks() -> Named:
@@ -256,4 +280,4 @@ def rays() -> Named:
     yield "distances", distances
 
 
-CASES = (models, walks, hidden, asked, uncovered, tones, rays)
+CASES = (models, light, walks, hidden, asked, uncovered, tones, rays)
