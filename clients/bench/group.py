@@ -46,6 +46,7 @@ MEASURES = {
     "flicker": Measure("Change of a still head's pictures where the truth does not change."),
     "sparse": Measure("Depth with a sensor's holes: whole, with holes, and completed, by ground truth."),
     "exposure": Measure("A twin whose views have random exposures and white balances."),
+    "light": Measure("A twin whose lamps change, with and without following of the light in the background model."),
     "minified": Measure("Pictures coarser than the views, prefiltered or not, on a twin."),
     "all": Measure("Every table and plot of the document of results, kept in a folder, resumable.", named=False),
 }

@@ -28,7 +28,7 @@ from ..settings import Settings
 from ..synth import FPS, Twin, render_view, twin_frame
 from .metrics import iv_psnr
 
-__all__ = ["ModelError", "WorthSample", "model_error", "uncovered_psnr", "watch_noise"]
+__all__ = ["ModelError", "WorthSample", "beside_edges", "model_error", "uncovered_psnr", "watch_noise"]
 
 Bools = npt.NDArray[np.bool_]
 _SHIFT = 2  # largest distance of a match along rows and columns, pixels, as in IV-PSNR
@@ -142,7 +142,7 @@ def model_error(model: BackgroundModel, background: View, once_hidden: Bools) ->
     coding = dataclasses.replace(camera.depth, has_invalid=True, bits=16)
     found = model.render_pbi(dataclasses.replace(camera, depth=coding)).view
     there, true = coding.depth(found.codes), camera.depth.depth(background.codes)
-    inside = ~_beside_edges(true)
+    inside = ~beside_edges(true)
     off = there - true
     delta = model.tolerances.delta_at(true)
     same = inside & (np.abs(np.nan_to_num(off, nan=np.inf)) <= delta)
@@ -154,7 +154,7 @@ def model_error(model: BackgroundModel, background: View, once_hidden: Bools) ->
     )  # fmt: skip
 
 
-def _beside_edges(depth: npt.NDArray[np.float64]) -> Bools:
+def beside_edges(depth: npt.NDArray[np.float64]) -> Bools:
     """Mask [h, w] of pixels whose depth differs from a horizontal or vertical neighbour's by an edge's step."""
     edges = np.zeros(depth.shape, bool)
     for axis in (0, 1):
