@@ -19,7 +19,7 @@ def command(
     name: Annotated[
         str,
         typer.Argument(
-            help="museum, hijack, painter, frog, gymnasium-a, gymnasium-b, doorway, street, museum-lamps or "
+            help="museum, hijack, painter, frog, gymnasium-a, gymnasium-b, doorway, street, lounge, museum-lamps or "
             "gymnasium-lamps"
         ),
     ],

@@ -1,4 +1,4 @@
-"""The rigs of the twins: cameras arranged as in the paper's sequences (Table 1, section 4), and two rigs of our own."""
+"""The rigs of the twins: cameras arranged as in the paper's sequences (Table 1, section 4), and three more."""
 
 from __future__ import annotations
 
@@ -67,6 +67,7 @@ def twin_cameras(name: str, scale: float = 1.0) -> Rig:
         "street": _street,
         "museum-lamps": _museum,
         "gymnasium-lamps": _gymnasium,
+        "lounge": _lounge,
     }
     if name not in rigs:
         raise ValueError(f"twin: {name!r}: expected one of {', '.join(rigs)}")
@@ -227,3 +228,20 @@ def _street() -> Rig:
         (lens, _look(0.8, -2.9, 1.9, 6)),
     ]
     return _rig(sources, targets, (lens, _look(0, 0, 2.2)), DepthCoding(2.0, 400.0))
+
+
+def _lounge() -> Rig:
+    """Not in the paper: three cameras along each of two heights at one end of a room, and one in each far corner of
+    that end, which look at what stands in its middle from different sides."""
+    lens = Perspective.from_fov(2048, 1536, math.radians(85))
+    places = [(0.0, y, z, -8.0 * y, 8.0) for z in (1.4, 2.2) for y in (-1.2, 0.0, 1.2)]
+    places += [(1.6, y, 2.4, -27.0 * y / 2.0, 16.0) for y in (-3.4, 3.4)]
+    sources = [(f"v{k}", lens, _look(*place)) for k, place in enumerate(places)]
+    targets = [
+        (lens, _look(0.1, 0.2, 1.6, 0, 6)),
+        (lens, _look(0.1, -0.9, 1.5, 8, 4)),
+        (lens, _look(0.3, 0.9, 1.7, -10, 8)),
+        (lens, _look(0.5, -2.2, 1.7, 18, 6)),
+        (lens, _look(0.6, 2.1, 1.9, -20, 8)),
+    ]
+    return _rig(sources, targets, (lens, _look(0, 0, EYE_HEIGHT)), DepthCoding(0.3, 25.0))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from . import doorway, frog, gymnasium, hijack, museum, painter, street
+from . import doorway, frog, gymnasium, hijack, lounge, museum, painter, street
 from .scene import Scene
 
 __all__ = ["TWINS", "Scene", "make_scene"]
@@ -22,6 +22,7 @@ TWINS: dict[str, Callable[[str, np.random.Generator], Scene]] = {
     "street": street.make,
     "museum-lamps": museum.make,
     "gymnasium-lamps": gymnasium.make,
+    "lounge": lounge.make,
 }
 
 

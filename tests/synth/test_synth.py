@@ -35,7 +35,7 @@ from farside.engine.synth.people import Path as Way
 SCALE = 0.04
 VIEWS = {
     "museum": 24, "hijack": 10, "painter": 16, "frog": 13, "gymnasium-a": 5, "gymnasium-b": 5,
-    "doorway": 8, "street": 8, "museum-lamps": 24, "gymnasium-lamps": 5,
+    "doorway": 8, "street": 8, "lounge": 8, "museum-lamps": 24, "gymnasium-lamps": 5,
 }  # fmt: skip
 
 
