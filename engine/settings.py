@@ -21,8 +21,8 @@ PER_PICTURE = (
 # Settings that the background model is built with: a saved model continues only with the same ones.
 MODELLING = (
     "tolerance_px", "edge_px", "model_rims", "baseline_m", "viewing_space", "max_block_px", "delta_m",
-    "delta_disparity", "margin_m", "culling_stride", "rays_by_triangle", "filter_neighbours", "refine", "backdrop",
-    "light_s",
+    "delta_disparity", "margin_m", "culling_stride", "rays_by_triangle", "cull_stale", "filter_neighbours",
+    "refine", "backdrop", "light_s",
 )  # fmt: skip
 
 
@@ -67,6 +67,9 @@ class Settings:
     # Triangles that the rays through pixels missed get rays of their own before they are culled. If False (then
     # culling_stride must be 1 or more), they are culled at once, and only cameras that build the S-PBS cast its rays.
     rays_by_triangle: bool = True
+    # Triangles also go as soon as a view sees past the whole of them, or has lost them where it has no depth, even if
+    # nothing farther is ever modelled there.
+    cull_stale: bool = False
     # A pixel that passes the triangle filter joins the P-PBS only if at least this number of its eight neighbours
     # belong to the P-PBS or join it too; 0: it also joins alone.
     filter_neighbours: int = 3
@@ -182,9 +185,9 @@ class Settings:
         return cls(
             n_render=5, n_init=6, n_update=1, draw_moving=False, delta_m=0.2, delta_disparity=0.0, margin_m=0.2,
             tolerance_px=0.0, max_block_px=1, rims=False, model_rims=False, culling_stride=1, rays_by_triangle=False,
-            filter_neighbours=0, refine=False, backdrop="farthest", overdraw=True, ghost_test=False, pbi_scale=1.0,
-            fill="smooth", settles=False, blend=1, completion=False, exposure_s=0.0, light_s=0.0, antialias="none",
-            cubic=False, prefilter=False,
+            cull_stale=False, filter_neighbours=0, refine=False, backdrop="farthest", overdraw=True, ghost_test=False,
+            pbi_scale=1.0, fill="smooth", settles=False, blend=1, completion=False, exposure_s=0.0, light_s=0.0,
+            antialias="none", cubic=False, prefilter=False,
         )  # fmt: skip
 
     def fixed_as_in(self, other: Settings) -> None:

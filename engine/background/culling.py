@@ -21,16 +21,19 @@ may see something else behind a triangle, or not the triangle, while from the fo
 as before. A mark from there holds until a view sees past the triangle (`forget_seen_past`): then what the triangle
 showed has gone. The paper does not say so; but rays through a camera's pixels miss most triangles of the pictures that
 it took from nearer by, so that culling would take away in the next turns what it had uncovered.
+
+With `Settings.cull_stale`, a triangle also goes, whatever its marks, when a view shows that it is not there any more
+(`stale`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.prepared_view import PreparedView
+from ..geometry.prepared_view import PreparedView, ViewTable
 from ..kernels.background.culling import list_unmarked
 from ..kernels.background.seen_past import forget_seen_past
 from ..kernels.base.tolerance import Delta
@@ -40,6 +43,7 @@ from .changed_directions import ChangedDirections
 from .pbs import ProbableBackgroundSurface, Surface
 from .reference_cameras import ReferenceCameras
 from .report import UpdateReport
+from .stale import Look, flag_stale
 
 __all__ = [
     "ForegroundCulling", "Unmarked", "clear_marks", "cull_unmarked", "mark_missed", "mark_pixels",
@@ -67,6 +71,7 @@ class ForegroundCulling:
     def __init__(self, pbs: ProbableBackgroundSurface, cameras: ReferenceCameras, settings: Settings) -> None:
         self._pbs, self._cameras = pbs, cameras
         self._stride, self._by_triangle = settings.culling_stride, settings.rays_by_triangle
+        self._stale = settings.cull_stale
         self.changed = ChangedDirections(cameras.packed)
         self.cast_version = [-1] * len(cameras)
         self.looks = [0] * len(cameras)
@@ -119,6 +124,15 @@ class ForegroundCulling:
                 view.table_row, codes, surface.packed, surface.invalid, delta, bits, first, step, surface.marks
             )
         return forgotten
+
+    def cull_stale(self, camera: int, look: Look, present: Callable[[], ViewTable], delta: Delta) -> int:
+        """A camera's turn, after `forget_seen_past`: culls stale foreground (`stale`), if the settings say so; returns
+        the number of triangles. present: makes the table of all views of the frame."""
+        if not self._stale:
+            return 0
+        if not self._cameras.moving:  # otherwise this look was counted before
+            self.looks[camera] += 1
+        return flag_stale(self._pbs, look, present, delta, sum(self.looks), len(self._cameras))
 
 
 def mark_pixels(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from .restoring import put_back, settings_of, state_of
 from .s_pbs import gather_triangles
 from .seed import Seed
 from .seeding import look_again, plant
+from .stale import Look
 from .state import ModelState
 from .surface import Surface
 from .viewing_space import flag_hidden
@@ -136,7 +138,7 @@ class BackgroundModel(ModelParts):
         with timed(report.stages, "maximum_depth"):
             self._update_images(frame, tones, seen, group, report)
             self._follow_light(frame, tones, elapsed_s, seen)
-        forgotten = 0
+        forgotten, present = 0, cache(lambda: self._new_triangles.table(frame.views))
         for c in group:
             if c in self._rig.moved:
                 self._follow(c, frame.views[c], tones[c], report)
@@ -145,6 +147,8 @@ class BackgroundModel(ModelParts):
             with timed(report.stages, "culling"):
                 view = self._new_triangles.prepared(c, frame.views[c])
                 forgotten += self._culling.forget_seen_past(c, view, self.tolerances.delta)
+                look = Look(view, tones[c], self._captures.current[c])
+                report.culled += self._culling.cull_stale(c, look, present, self.tolerances.delta)
         with timed(report.stages, "culling"):
             # Where no geometry has changed since a camera's last rays, they would find the same again.
             due = self._culling.due(group)

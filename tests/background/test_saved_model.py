@@ -304,6 +304,17 @@ def test_settings_that_matter_must_be_the_same_and_others_may_change(saved):
     engine.close()
 
 
+def test_an_older_file_lacks_newer_settings_and_goes_on_with_those_of_now(saved, tmp_path):
+    kept = tuple(pair for pair in SavedModel.read(saved).model.settings if pair[0] != "cull_stale")
+    older = changed(saved, tmp_path / "older.farside", settings=kept)
+    for stale in (False, True):
+        settings = dataclasses.replace(SETTINGS, cull_stale=stale)
+        engine = Engine(camera_row(), settings, saved=SavedModel.read(older))
+        engine.update(list(frames())[HALF_WAY], {"me": HEAD})
+        assert engine.model.settings.cull_stale == stale
+        engine.close()
+
+
 def test_an_engine_without_a_model_has_nothing_to_save():
     engine = Engine(camera_row(), Settings(background=False))
     engine.update(next(frames()))

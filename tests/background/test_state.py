@@ -24,6 +24,7 @@ CASES = {
     "by pixel": Settings(n_init=1, n_update=2, culling_stride=2),
     "every other frame": Settings(n_init=1, update_interval=2),
     "paper": Settings.preset("paper", n_init=1),
+    "stale foreground": Settings(n_init=1, cull_stale=True),
     "viewing space": Settings(n_init=1, viewing_space=(0.0, 0.0, 0.0, 0.5)),
 }
 

@@ -254,6 +254,7 @@ COVERED = {
     "background/query_rays": ("pipeline",),
     "background/seeding": ("pipeline",),
     "background/seen_past": ("walking",),
+    "background/stale": ("walking",),
     "background/texture_pages": ("pipeline",),
     "background/triangle_filter": ("pipeline",),
     "background/uncovered": ("pipeline",),
@@ -278,10 +279,12 @@ INSIDE = {
     "background/standing": ("background/hidden", "background/pbi"),
     "background/triangles": ("background/near", "background/pbi", "background/queried"),
     "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangle_words"),
-    "base/sight": ("background/seeding", "background/seen_past", "background/standing", "rendering/backdrop"),
+    "base/sight": (
+        "background/seeding", "background/seen_past", "background/stale", "background/standing", "rendering/backdrop",
+    ),
     "base/memory": (
-        "background/captures", "background/complementary_rays", "background/parts", "background/texture_pages",
-        "background/triangles",
+        "background/captures", "background/complementary_rays", "background/parts", "background/stale",
+        "background/texture_pages", "background/triangles",
         "background/uncovered", "rendering/backdrop", "rendering/blocks", "rendering/shade", "rendering/sorting",
     ),
     "geometry/rims": ("geometry/triangulate",),

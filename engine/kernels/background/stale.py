@@ -1,0 +1,199 @@
+"""Stale foreground: triangles of the model where a present view shows that there is nothing any more.
+
+Foreground culling (section 3.3.2) removes a triangle when every camera knows a surface behind it. Someone who stood
+where a camera never knows one, as before the sky, would stay in the model after they have left. Here are two kinds of
+evidence that they have: a view sees past a triangle; or there is no depth any more where the triangle stems from, but
+another colour.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from ...support.array_types import F64, I64, U8
+from ...support.packed import HEIGHT, WIDTH
+from ..base.jit import inlined, parallel, serial
+from ..base.memory import load_u16
+from ..base.project import project_point
+from ..base.sight import looks_through, shows
+from ..base.tolerance import Delta, delta_at
+from ..base.tone import toned
+from ..base.view_table import INVALID, OFFSET, STEP
+from .culling import SAMPLES
+from .picture import Picture
+from .surfaces import Triangles
+
+__all__ = ["find_seen_past", "find_shown", "find_vanished"]
+
+_RIM_PX = 1.0  # how far round a triangle's image a view must see past it
+_LARGEST_PX = 128.0  # sides of a larger image are not searched: such a triangle stays
+_OTHER = 40.0  # difference of 10-bit codes of luma or chroma that is another colour
+
+
+@inlined
+def _sample(mesh: Triangles, i: int, k: int) -> tuple[float, float, float]:
+    """Sample point k of a triangle (`culling.SAMPLES`); the first one is its middle."""
+    points, a, b, c = mesh.points, mesh.triangles[i, 0], mesh.triangles[i, 1], mesh.triangles[i, 2]
+    p, q = SAMPLES[k]
+    r = 1.0 - p - q
+    return (
+        p * points[a, 0] + q * points[b, 0] + r * points[c, 0],
+        p * points[a, 1] + q * points[b, 1] + r * points[c, 1],
+        p * points[a, 2] + q * points[b, 2] + r * points[c, 2],
+    )
+
+
+@inlined
+def _is_near(au: float, av: float, bu: float, bv: float, u: float, v: float, turn: float) -> bool:
+    """Whether (u, v) is on the inner side of a triangle's side from a to b, or at most _RIM_PX beyond it; turn: see
+    `_turn`."""
+    du, dv = bu - au, bv - av
+    return turn * (du * (v - av) - dv * (u - au)) >= -_RIM_PX * math.sqrt(du * du + dv * dv)
+
+
+@inlined
+def _touches(
+    au: float, av: float, bu: float, bv: float, cu: float, cv: float, u: float, v: float, turn: float
+) -> bool:
+    """Whether (u, v) is at most _RIM_PX beyond each side of a triangle; turn: see `_turn`."""
+    return (
+        _is_near(au, av, bu, bv, u, v, turn) and _is_near(bu, bv, cu, cv, u, v, turn)
+        and _is_near(cu, cv, au, av, u, v, turn)
+    )  # fmt: skip
+
+
+@inlined
+def _turn(au: float, av: float, bu: float, bv: float, cu: float, cv: float) -> float:
+    """1 or -1: the sense in which a triangle's corners follow each other in a picture."""
+    return 1.0 if (bu - au) * (cv - av) - (bv - av) * (cu - au) >= 0.0 else -1.0
+
+
+@serial
+def _sees_past(row: F64, codes: int, mesh: Triangles, i: int, delta: Delta) -> bool:
+    """Whether all texels of a view within _RIM_PX of a triangle's image are farther than the whole triangle by more
+    than delta."""
+    points, a, b, c = mesh.points, mesh.triangles[i, 0], mesh.triangles[i, 1], mesh.triangles[i, 2]
+    au, av, ad = project_point(row, points[a, 0], points[a, 1], points[a, 2])
+    bu, bv, bd = project_point(row, points[b, 0], points[b, 1], points[b, 2])
+    cu, cv, cd = project_point(row, points[c, 0], points[c, 1], points[c, 2])
+    far = max(ad, bd, cd)
+    margin = delta_at(delta, far)
+    left, right = min(au, bu, cu) - _RIM_PX, max(au, bu, cu) + _RIM_PX
+    top, bottom = min(av, bv, cv) - _RIM_PX, max(av, bv, cv) + _RIM_PX
+    if not (
+        min(ad, bd, cd) > margin and left >= 0.0 and top >= 0.0 and right <= row[WIDTH] and bottom <= row[HEIGHT]
+        and right - left <= _LARGEST_PX and bottom - top <= _LARGEST_PX
+    ):  # fmt: skip
+        return False
+    limit = (1.0 / (far + margin) - row[OFFSET]) / row[STEP]
+    turn = _turn(au, av, bu, bv, cu, cv)
+    for y in range(math.ceil(top - 0.5), math.floor(bottom - 0.5) + 1):
+        for x in range(math.ceil(left - 0.5), math.floor(right - 0.5) + 1):
+            if _touches(au, av, bu, bv, cu, cv, x + 0.5, y + 0.5, turn):
+                code = load_u16(codes, y * int(row[WIDTH]) + x)
+                if not code < limit or (code == 0 and row[INVALID] > 0.0):
+                    return False
+    return True
+
+
+@parallel
+def find_seen_past(row: F64, codes: int, mesh: Triangles, invalid: U8, delta: Delta, first: int, past: U8) -> int:
+    """Sets past [n] to 1 for those of the n triangles from number `first` on that are valid (invalid [m] 0) and past
+    which a view sees, else to 0; returns the number of these triangles.
+
+    row: the view's, of a view table (`kernels.base.view_table`); codes: address of its depth codes. The view must show
+    something that is farther than the whole triangle by more than delta, in all texels within _RIM_PX of the triangle's
+    image: depth next to the rim of something else is of no use as evidence, and neither is a texel without depth.
+    """
+    count = 0
+    for k in numba.prange(past.shape[0]):
+        i = first + np.int64(k)
+        found = False
+        if invalid[i] == 0:
+            x, y, z = _sample(mesh, i, 0)
+            found = looks_through(row, codes, x, y, z, delta) and _sees_past(row, codes, mesh, i, delta)
+        past[k] = found
+        count += found
+    return count
+
+
+@inlined
+def _has_other_colour(new: Picture, known: Picture, y: int, x: int, tone: F64) -> bool:
+    """Whether the colours of two pictures differ clearly at a pixel; tone: applied to that of the new one."""
+    luma, cb, cr = toned(tone, new.y[y, x], new.cb[y // 2, x // 2], new.cr[y // 2, x // 2])
+    return (
+        abs(luma - known.y[y, x]) > _OTHER or abs(cb - known.cb[y // 2, x // 2]) > _OTHER
+        or abs(cr - known.cr[y // 2, x // 2]) > _OTHER
+    )  # fmt: skip
+
+
+@serial
+def _has_vanished(new: Picture, known: Picture, tone: F64, mesh: Triangles, i: int) -> bool:
+    """Whether a picture has no depth within _RIM_PX of a triangle that stems from it, and in most pixels with depth
+    of the known picture another colour."""
+    uv, a, b, c = mesh.uv, mesh.triangles[i, 0], mesh.triangles[i, 1], mesh.triangles[i, 2]
+    au, av, bu, bv = float(uv[a, 0]), float(uv[a, 1]), float(uv[b, 0]), float(uv[b, 1])
+    cu, cv = float(uv[c, 0]), float(uv[c, 1])
+    height, width = new.codes.shape
+    left, right = min(au, bu, cu) - _RIM_PX, max(au, bu, cu) + _RIM_PX
+    top, bottom = min(av, bv, cv) - _RIM_PX, max(av, bv, cv) + _RIM_PX
+    if not (left >= 0.0 and top >= 0.0 and right <= width and bottom <= height):
+        return False
+    turn, other, same = _turn(au, av, bu, bv, cu, cv), 0, 0
+    for y in range(math.ceil(top - 0.5), math.floor(bottom - 0.5) + 1):
+        for x in range(math.ceil(left - 0.5), math.floor(right - 0.5) + 1):
+            if _touches(au, av, bu, bv, cu, cv, x + 0.5, y + 0.5, turn):
+                if new.codes[y, x] != 0:
+                    return False
+                if known.codes[y, x] != 0:
+                    differs = _has_other_colour(new, known, y, x, tone)
+                    other, same = other + differs, same + (not differs)
+    return other > same
+
+
+@parallel
+def find_vanished(new: Picture, known: Picture, tone: F64, mesh: Triangles, invalid: U8, past: U8) -> int:
+    """Sets past [m] to 1 for the triangles that are valid (invalid [m] 0) and have vanished from the picture that they
+    stem from, else to 0; returns the number of these triangles.
+
+    new: the camera's view now, whose code 0 means "no depth"; known: its maximum depth image from the same pose; tone:
+    applied to the colours of the new one (`kernels.base.tone`). A triangle has vanished if there is no depth within
+    _RIM_PX of its image, and another colour in most of the pixels that had depth. Where something only has lost its
+    depth, as shiny or dark things do, it still has its colour.
+    """
+    count = 0
+    for k in numba.prange(past.shape[0]):
+        i = np.int64(k)
+        found = invalid[i] == 0 and _has_vanished(new, known, tone, mesh, i)
+        past[i] = found
+        count += found
+    return count
+
+
+@serial
+def _is_shown(table: F64, codes: I64, mesh: Triangles, i: int, delta: Delta) -> bool:
+    """Whether a view shows a sample point of a triangle (`kernels.base.sight.shows`)."""
+    for k in range(len(SAMPLES)):
+        x, y, z = _sample(mesh, i, k)
+        for view in range(table.shape[0]):
+            if shows(table[view], codes[view], x, y, z, delta):
+                return True
+    return False
+
+
+@parallel
+def find_shown(table: F64, codes: I64, mesh: Triangles, which: I64, delta: Delta, shown: U8) -> int:
+    """Sets shown [n] to 1 for those of the triangles `which` [n] of which a view shows a part, else to 0; returns the
+    number of these triangles.
+
+    table: float64 [views, TABLE_SIZE] (`kernels.base.view_table`); codes: int64 [views], addresses of depth codes.
+    """
+    count = 0
+    for k in numba.prange(which.shape[0]):
+        found = _is_shown(table, codes, mesh, which[k], delta)
+        shown[k] = found
+        count += found
+    return count
