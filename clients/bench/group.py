@@ -39,6 +39,7 @@ MEASURES = {
     "peers": Measure("Quality next to other renderers' figures from a folder's README."),
     "model": Measure("Few views with the model against few and all views without it, by ground truth."),
     "ghosts": Measure("Ghosts and holes of the background model, on a twin."),
+    "layers": Measure("Stale foreground and middle layers of the model, on a twin."),
     "noise": Measure("Every frame of a twin with and without the model, and the model's error."),
     "moving": Measure("What cameras that move add to the background model, on twins and walks."),
     "backdrop": Measure("The backdrop's surface, farthest or standing, on a twin."),

@@ -131,6 +131,13 @@ SECTIONS = (
         reports=True,
     ),
     Section(
+        "layers", "What does the model gain beyond the paper's limits?",
+        ("layers", "lounge", "--scale", "0.125", "--frames", "61", *_BALANCED),
+        "Only pixels that no drawn view shows count. Wrong: the backdrop is off by more than delta; unknown: there is "
+        "none. Ghosts: the model is nearer than both what always stands and the present scene. Ratio: of update times, "
+        "frame by frame. Stale: what a view shows to have gone is culled at once.",
+    ),
+    Section(
         "tolerances", "Are the tolerances that follow from the scene good?",
         ("tolerances", *_BALANCED),
         "Each automatic tolerance is varied from one eighth to eight times its value; the last table compares it with "

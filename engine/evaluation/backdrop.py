@@ -27,7 +27,7 @@ from ..support.runtime import set_thread_count, thread_count
 from ..synth import FPS, Twin, twin_frame
 from .metrics import iv_psnr, psnr
 
-__all__ = ["VIEWS", "BackdropSample", "PbiCost", "compare_backdrops", "pbi_costs"]
+__all__ = ["VIEWS", "BackdropSample", "PbiCost", "compare_backdrops", "pbi_costs", "wrong_depth"]
 
 VIEWS = (2, 3, 5)  # numbers of views that are warped in front of the backdrop
 _PEAK = 1023.0
@@ -97,7 +97,7 @@ def _samples(
         error = picture.texture.y.astype(np.float64) - truth.texture.y
         model = engines[mode].model
         assert model is not None
-        far, near = _wrong(picture, truth, model)
+        far, near = wrong_depth(picture, truth, model)
         yield BackdropSample(
             camera.name, index, views, mode, psnr(truth.texture, picture.texture)[0],
             iv_psnr(truth.texture, picture.texture), float(np.sum(error[undrawn] ** 2)), int(undrawn.sum()),
@@ -105,7 +105,7 @@ def _samples(
         )  # fmt: skip
 
 
-def _wrong(picture: RenderedPicture, truth: View, model: BackgroundModel) -> tuple[Bools, Bools]:
+def wrong_depth(picture: RenderedPicture, truth: View, model: BackgroundModel) -> tuple[Bools, Bools]:
     """Backdrop pixels behind the farthest true depth of the 3x3 pixels around them, and in front of the nearest.
 
     Both masks are [h, w]; the difference is more than delta.
