@@ -69,7 +69,10 @@ class Settings:
     rays_by_triangle: bool = True
     # Triangles also go as soon as a view sees past the whole of them, or has lost them where it has no depth, even if
     # nothing farther is ever modelled there.
-    cull_stale: bool = False
+    # None: where a camera's depth has a code for "no depth". There, a sequence of 5 m of reach keeps 25 % less triangles
+    # and 40 % less ghosts, and updates are 5 % faster; elsewhere nothing is gained and updates take 3 to 10 % longer
+    # (bench layers lounge --reach 5).
+    cull_stale: bool | None = None
     # A pixel that passes the triangle filter joins the P-PBS only if at least this number of its eight neighbours
     # belong to the P-PBS or join it too; 0: it also joins alone.
     filter_neighbours: int = 3

@@ -52,7 +52,7 @@ def show_layers(
     title = f"{name} at scale {scale:g}, quality {quality}, {views} views, depth up to {seen}; filled pixels only"
     table = Table(title=title)
     columns = (
-        "model", "filled, %", "PSNR-Y", "IV-PSNR", "wrong, %", "unknown, %", "ghosts, %", "triangles", "update ms",
+        "model", "filled, %", "PSNR-Y", "IV-PSNR", "wrong, %", "unknown, %", "ghosts, %", "triangles", "CPU ms",
         "ratio", "MB",
     )  # fmt: skip
     for column in columns:
@@ -83,10 +83,9 @@ def _mean(values: Sequence[float]) -> float:
 
 
 def _costs(costs: Sequence[LayerCost], variant: str, base: str) -> list[str]:
-    """Triangles and memory at the end; the median update, and its ratio to the base's: the median over frames."""
-    own, others = ([cost for cost in costs if cost.variant == name] for name in (variant, base))
-    timed = [cost.update_ms for cost in own if cost.frame >= _SETTLED] or [cost.update_ms for cost in own]
-    ratios = [a.update_ms / b.update_ms for a, b in zip(own, others, strict=True) if a.frame >= _SETTLED]
-    ratio = f"{np.median(ratios):.3f}" if ratios else ""
-    last = own[-1]
-    return [str(last.triangles), f"{np.median(timed):.2f}", ratio, f"{last.memory / 1e6:.1f}"]
+    """Triangles and memory at the end; the mean update, and its ratio to the base's."""
+    late = [cost for cost in costs if cost.frame >= _SETTLED]
+    timed = [[cost.update_ms for cost in late if cost.variant == name] for name in (variant, base)]
+    last = [cost for cost in costs if cost.variant == variant][-1]
+    own, other = (float(np.mean(times)) if times else math.nan for times in timed)
+    return [str(last.triangles), f"{own:.2f}", f"{own / other:.3f}", f"{last.memory / 1e6:.1f}"]

@@ -71,7 +71,8 @@ class ForegroundCulling:
     def __init__(self, pbs: ProbableBackgroundSurface, cameras: ReferenceCameras, settings: Settings) -> None:
         self._pbs, self._cameras = pbs, cameras
         self._stride, self._by_triangle = settings.culling_stride, settings.rays_by_triangle
-        self._stale = settings.cull_stale
+        missing = any(camera.depth.has_invalid for camera in cameras.cameras)
+        self._stale = missing if settings.cull_stale is None else settings.cull_stale
         self.changed = ChangedDirections(cameras.packed)
         self.cast_version = [-1] * len(cameras)
         self.looks = [0] * len(cameras)

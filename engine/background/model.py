@@ -15,6 +15,7 @@ from functools import cache
 import numpy as np
 
 from ..geometry.completion import trusted
+from ..geometry.prepared_view import ViewTable
 from ..kernels.background.fusion import COLOUR_FRAMES
 from ..kernels.background.maximum_depth import PHASES
 from ..kernels.base.tone import IDENTITY
@@ -52,19 +53,22 @@ class BackgroundModel(ModelParts):
     S-PBS begins with (`seeding`).
     """
 
-    def update(self, frame: Frame, tones: F64 | None = None, elapsed_s: float = 0.0) -> UpdateReport:
+    def update(
+        self, frame: Frame, tones: F64 | None = None, elapsed_s: float = 0.0, present: ViewTable | None = None
+    ) -> UpdateReport:
         """Takes the next frame: the first builds the S-PBS, each later one gives a group of cameras its turn.
 
         tones [n, TONE_SIZE]: the packed tones that convert the views' colours to the model's common tone; None: no
         conversion. elapsed_s: seconds since the frame before, by which colours follow the light (`Settings.light_s`);
-        0: they do not. Raises ValueError, and changes nothing, for a frame of other cameras and for a first frame
-        without depth.
+        0: they do not. present: the frame's views as measured, prepared with this model's scene and settings, if the
+        caller has them; None: they are prepared where they are needed. Raises ValueError, and changes nothing, for a
+        frame of other cameras and for a first frame without depth.
         """
         self._rig.check(frame)
         if tones is None:
             tones = np.tile(IDENTITY, (len(frame.views), 1))
         if len(self._captures):
-            report = self._progress(frame, tones, elapsed_s)
+            report = self._progress(frame, tones, elapsed_s, present)
         else:
             report = self._initialise(frame, tones)
         for name, count in self.counts().items():
@@ -124,7 +128,7 @@ class BackgroundModel(ModelParts):
         )  # fmt: skip
         self._seed = None  # its pictures live on, its triangles are there twice
 
-    def _progress(self, frame: Frame, tones: F64, elapsed_s: float) -> UpdateReport:
+    def _progress(self, frame: Frame, tones: F64, elapsed_s: float, present: ViewTable | None) -> UpdateReport:
         """A later frame (section 3.3.3)."""
         self._rig.note_moved(frame)
         for c in sorted(self._rig.unseen.intersection(frame.there)):
@@ -138,7 +142,7 @@ class BackgroundModel(ModelParts):
         with timed(report.stages, "maximum_depth"):
             self._update_images(frame, tones, seen, group, report)
             self._follow_light(frame, tones, elapsed_s, seen)
-        forgotten, present = 0, cache(lambda: self._new_triangles.table(frame.views))
+        forgotten, table = 0, cache(lambda: self._new_triangles.table(frame.views) if present is None else present)
         for c in group:
             if c in self._rig.moved:
                 self._follow(c, frame.views[c], tones[c], report)
@@ -148,7 +152,7 @@ class BackgroundModel(ModelParts):
                 view = self._new_triangles.prepared(c, frame.views[c])
                 forgotten += self._culling.forget_seen_past(c, view, self.tolerances.delta)
                 look = Look(view, tones[c], self._captures.current[c])
-                report.culled += self._culling.cull_stale(c, look, present, self.tolerances.delta)
+                report.culled += self._culling.cull_stale(c, look, table, self.tolerances.delta)
         with timed(report.stages, "culling"):
             # Where no geometry has changed since a camera's last rays, they would find the same again.
             due = self._culling.due(group)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..geometry.prepared_view import PreparedView, ViewTable
 from ..kernels.background.picture import Picture
-from ..kernels.background.stale import find_seen_past, find_shown, find_vanished
+from ..kernels.background.stale import find_gone, find_seen_past, find_shown
 from ..kernels.base.tolerance import Delta
 from ..support.array_types import F64, I64
 from .capture import Capture
@@ -25,7 +25,7 @@ from .pbs import ProbableBackgroundSurface, Surface
 
 __all__ = ["Look", "flag_stale"]
 
-_LOOKED_AT = 1 << 15  # triangles that a view looks at in its camera's turn, so that the cost of a turn is bounded
+_LOOKED_AT = 1 << 10  # triangles of any camera that a view looks at in its camera's turn: each is projected
 
 
 class Look(NamedTuple):
@@ -44,17 +44,20 @@ def flag_stale(
     """Flags triangles as invalid that a camera's view shows to have gone, and of which no view of the frame shows a
     part; returns their number.
 
-    present: makes the table of all views of the frame, which is needed only if a triangle may go. turn: how many views
-    have looked before; cameras: of the rig. If there are many triangles, each turn looks at the next part of them.
+    The view looks at all triangles that stem from its picture, where each has its place. Of the other triangles it
+    looks at some, in each turn at the next ones: they count where their own camera sees nothing, or has moved. present:
+    makes the table of all views of the frame, which is needed only if a triangle may go. turn: how many views have
+    looked before; cameras: of the rig.
     """
     flagged = 0
-    for surface, which in (*_seen_past(pbs, look.view, delta, turn, cameras), *_vanished(pbs, look)):
+    for surface, which in (*_gone(pbs, look, delta), *_seen_past(pbs, look.view, delta, turn, cameras)):
         table, shown = present(), np.empty(len(which), np.uint8)
         codes = np.ascontiguousarray(table.addresses[:, 0])
         find_shown(table.rows, codes, surface.packed, which, delta, shown)
+        goes = which[(shown == 0) & (surface.invalid[which] == 0)]
         with pbs.lock:
-            surface.invalid[which[shown == 0]] = 1
-        flagged += int(np.count_nonzero(shown == 0))
+            surface.invalid[goes] = 1
+        flagged += len(goes)
     return flagged
 
 
@@ -69,17 +72,17 @@ def _seen_past(
             yield surface, first + np.flatnonzero(past)
 
 
-def _vanished(pbs: ProbableBackgroundSurface, look: Look) -> Iterator[tuple[Surface, I64]]:
-    """The triangles of a camera's capture that have vanished from its view, by surface."""
+def _gone(pbs: ProbableBackgroundSurface, look: Look, delta: Delta) -> Iterator[tuple[Surface, I64]]:
+    """The triangles of a camera's current capture that have gone from its view, by surface."""
     view, image = look.view.view, look.capture.image
-    if not view.camera.depth.has_invalid:
-        return
+    row, codes = look.view.table_row, int(look.view.addresses(measured=True)[0])
     new, known = (Picture(p.codes, p.texture.y, p.texture.cb, p.texture.cr) for p in (view, image))
     for part in (pbs.static, pbs.progressive):
         if (surface := part.get(look.capture.number)) is not None:
-            past = np.empty(len(surface.invalid), np.uint8)
-            if find_vanished(new, known, look.tone, surface.packed, surface.invalid, past):
-                yield surface, np.flatnonzero(past)
+            gone = np.empty(len(surface.invalid), np.uint8)
+            mesh, invalid = surface.packed, surface.invalid
+            if find_gone(row, codes, new, known, look.tone, mesh, invalid, delta, gone):
+                yield surface, np.flatnonzero(gone)
 
 
 def _part(pbs: ProbableBackgroundSurface, turn: int, cameras: int) -> Iterator[tuple[Surface, int, int]]:

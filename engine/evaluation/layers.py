@@ -20,6 +20,7 @@ from ..rig.camera import Camera
 from ..rig.frame import Frame, Texture, View
 from ..rig.viewer import RenderedPicture
 from ..settings import Settings
+from ..support.runtime import one_thread
 from ..synth import FPS, Twin, render_view, twin_frame
 from .backdrop import wrong_depth
 from .ghosts import ghost_pixels
@@ -58,7 +59,8 @@ class LayerSample:
 
 @dataclass(frozen=True, slots=True)
 class LayerCost:
-    """A frame's update of the model by one variant: milliseconds, the model's valid triangles, and its bytes."""
+    """A frame's update of the model by one variant: CPU milliseconds on one thread, the model's valid triangles, and
+    its bytes."""
 
     variant: str
     frame: int
@@ -107,12 +109,13 @@ def play_layers(
 
 
 def _updated(name: str, engine: Engine, frame: Frame, viewers: Mapping[str, Camera]) -> LayerCost:
-    report = engine.update(frame, viewers)
+    with one_thread():
+        report = engine.update(frame, viewers)
     assert report.background is not None
     assert engine.model is not None
     counts, memory = engine.model.counts(), engine.model.memory
     triangles = counts["s_pbs_valid"] + counts["p_pbs"]
-    return LayerCost(name, frame.index, report.stages["background"], triangles, sum(memory.values()))
+    return LayerCost(name, frame.index, report.stages.cpu["background"], triangles, sum(memory.values()))
 
 
 def _samples(

@@ -124,7 +124,7 @@ class BackEnd:
         with timed(stages, "exposure"):
             tones = self._follow_exposure(frame, content.present, scene, settings)
         with timed(stages, "background"):
-            report = self._update_model(frame, tones, scene, settings)
+            report = self._update_model(frame, tones, content, settings)
         with timed(stages, "pbi"):
             pbis, rays = self._make_pbis(look(), speeds, content, settings)
             delta = None if self.model is None else self.model.tolerances.delta
@@ -193,14 +193,15 @@ class BackEnd:
         return self._exposure.tones
 
     def _update_model(
-        self, frame: Frame, tones: F64 | None, scene: Scene, settings: Settings
+        self, frame: Frame, tones: F64 | None, content: FrameContent, settings: Settings
     ) -> UpdateReport | None:
         """Update the PBS (section 3.3); None if no background model is wanted now."""
         if not (settings.background and self.modelling):
             return None
         if self.model is None:
-            self.model = BackgroundModel(self._cameras, settings, scene, seed=self._seed)
-        report = self.model.update(frame, None if tones is None else to_common(tones), 1.0 / self.f_vin)
+            self.model = BackgroundModel(self._cameras, settings, content.scene, seed=self._seed)
+        common = None if tones is None else to_common(tones)
+        report = self.model.update(frame, common, 1.0 / self.f_vin, content.present)
         self._newest = frame.index
         return report
 

@@ -65,13 +65,13 @@ def test_quality_is_that_of_the_filled_pixels_only(twin):
     assert layers._quality(picture, truth, np.zeros_like(filled)) == (math.inf, math.inf)
 
 
-def test_ratios_are_those_of_the_same_frames():
+def test_ratios_are_those_of_settled_frames():
     def costs(variant, times):
         return [LayerCost(variant, k, ms, 10 + k, 2_000_000) for k, ms in enumerate(times)]
 
-    every = [*costs("neither", [99, 9, 9, 2.0, 4.0, 8.0]), *costs("stale", [99, 9, 9, 3.0, 5.0, 8.0])]
-    assert bench._costs(every, "stale", "neither") == ["15", "5.00", "1.250", "2.0"]
-    assert bench._costs(every, "neither", "neither") == ["15", "4.00", "1.000", "2.0"]
+    every = [*costs("neither", [99, 9, 9, 2.0, 4.0, 8.0]), *costs("stale", [99, 9, 9, 3.5, 5.0, 8.0])]
+    assert bench._costs(every, "stale", "neither") == ["15", "5.50", "1.179", "2.0"]
+    assert bench._costs(every, "neither", "neither") == ["15", "4.67", "1.000", "2.0"]
 
 
 def test_shares_are_of_all_filled_pixels():
