@@ -23,7 +23,8 @@ showed has gone. The paper does not say so; but rays through a camera's pixels m
 it took from nearer by, so that culling would take away in the next turns what it had uncovered.
 
 With `Settings.cull_stale`, a triangle also goes, whatever its marks, when a view shows that it is not there any more
-(`stale`).
+(`stale`). With `Settings.middle_layers`, triangles without a mark stay that no camera has ever seen past
+(`middle_layers`).
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ from ..kernels.base.tolerance import Delta
 from ..settings import Settings
 from ..support.array_types import F64, I64, U64
 from .changed_directions import ChangedDirections
+from .middle_layers import MiddleLayers
 from .pbs import ProbableBackgroundSurface, Surface
 from .reference_cameras import ReferenceCameras
 from .report import UpdateReport
@@ -68,11 +70,13 @@ class ForegroundCulling:
     looked for triangles past which it sees.
     """
 
-    def __init__(self, pbs: ProbableBackgroundSurface, cameras: ReferenceCameras, settings: Settings) -> None:
-        self._pbs, self._cameras = pbs, cameras
+    def __init__(
+        self, pbs: ProbableBackgroundSurface, cameras: ReferenceCameras, layers: MiddleLayers, settings: Settings
+    ) -> None:
+        self._pbs, self._cameras, self._layers = pbs, cameras, layers
         self._stride, self._by_triangle = settings.culling_stride, settings.rays_by_triangle
-        missing = any(camera.depth.has_invalid for camera in cameras.cameras)
-        self._stale = missing if settings.cull_stale is None else settings.cull_stale
+        wanted = settings.middle_layers > 0 or any(camera.depth.has_invalid for camera in cameras.cameras)
+        self._stale = wanted if settings.cull_stale is None else settings.cull_stale
         self.changed = ChangedDirections(cameras.packed)
         self.cast_version = [-1] * len(cameras)
         self.looks = [0] * len(cameras)
@@ -101,12 +105,14 @@ class ForegroundCulling:
             if self._stride:
                 moves, packed = c in self._cameras.moving, self._cameras.packed[c]
                 report.rays += mark_pixels(self._pbs, c, packed, self._stride, delta, moves=moves)
-        unmarked = None
+        unmarked: Sequence[tuple[Surface, I64]]
         if self._by_triangle:
             order = [*group, *self._cameras.asked_after(group)]
             rays, unmarked = mark_missed(self._pbs, order, self._cameras.packed, delta, share=share)
             report.rays += rays
-        report.culled += cull_unmarked(self._pbs, unmarked)
+        else:
+            unmarked = _list_unmarked(self._pbs)
+        report.culled += cull_unmarked(self._pbs, self._layers.keep(unmarked, delta))
 
     def forget_seen_past(self, camera: int, view: PreparedView, delta: Delta) -> int:
         """Removes the marks of cameras that move from triangles past which a camera's view sees; returns their number.
@@ -176,7 +182,7 @@ def mark_missed(
     return rays, left
 
 
-def cull_unmarked(pbs: ProbableBackgroundSurface, unmarked: Sequence[Unmarked] | None = None) -> int:
+def cull_unmarked(pbs: ProbableBackgroundSurface, unmarked: Sequence[tuple[Surface, I64]] | None = None) -> int:
     """Flags the valid triangles without any mark as invalid; returns their number. `unmarked`: those triangles, if
     known."""
     known = _list_unmarked(pbs) if unmarked is None else unmarked

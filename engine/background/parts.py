@@ -16,6 +16,7 @@ from ..support.array_types import I64, U8
 from .capture import Capture, Captures, Present, Remains
 from .coloured_mesh import coloured_mesh
 from .culling import ForegroundCulling
+from .middle_layers import MiddleLayers
 from .new_triangles import NewTriangles
 from .older_captures import OlderCaptures
 from .p_pbs import ProgressiveUpdate
@@ -50,7 +51,9 @@ class ModelParts:
         self._pbs = ProbableBackgroundSurface(len(self._rig), tracer)
         self._captures = Captures()
         self._tolerances = FollowedTolerances(settings)
-        self._culling = ForegroundCulling(self._pbs, self._rig, settings)
+        budget = settings.middle_layers if settings.backdrop == "standing" else 0
+        layers = MiddleLayers(self._pbs, self._captures, self._rig, self._new_triangles, budget)
+        self._culling = ForegroundCulling(self._pbs, self._rig, layers, settings)
         changed = self._culling.changed
         self._p_pbs = ProgressiveUpdate(self._pbs, self._new_triangles, changed, settings, len(self._rig))
         self._older = OlderCaptures(self._pbs, self._captures)

@@ -1,4 +1,4 @@
-"""What the model keeps beyond the paper's limits: stale foreground culled at once, next to models without it.
+"""What the model keeps beyond the paper's limits: stale foreground is culled at once, and middle layers stay.
 
 A twin is played with each of the `VARIANTS` of a quality side by side. Judged are the *filled* pixels of virtual
 cameras, which no drawn view shows in any of them: by their colours and by the depth of the backdrop. Depth sensors with
@@ -29,8 +29,9 @@ from .metrics import iv_psnr, psnr
 __all__ = ["VARIANTS", "LayerCost", "LayerSample", "play_layers", "within_reach"]
 
 VARIANTS: Mapping[str, Mapping[str, object]] = {
-    "neither": {"cull_stale": False},
-    "stale": {"cull_stale": True},
+    "neither": {"cull_stale": False, "middle_layers": 0},
+    "stale": {"cull_stale": True, "middle_layers": 0},
+    "layers": {"cull_stale": True, "middle_layers": 1 << 20},
 }
 
 Bools = npt.NDArray[np.bool_]
