@@ -247,6 +247,7 @@ COVERED = {
     "background/culling": ("pipeline",),
     "background/exposure": ("pipeline",),
     "background/hidden": ("pipeline",),
+    "background/middle_layers": ("walking",),
     "background/near": ("pipeline",),
     "background/parts": ("walking",),
     "background/pbi": ("pipeline", "walking"),
@@ -280,7 +281,8 @@ INSIDE = {
     "background/triangles": ("background/near", "background/pbi", "background/queried"),
     "base/lanes": ("geometry/changes", "geometry/cuts", "geometry/splits", "geometry/triangle_words"),
     "base/sight": (
-        "background/seeding", "background/seen_past", "background/stale", "background/standing", "rendering/backdrop",
+        "background/middle_layers", "background/seeding", "background/seen_past", "background/stale",
+        "background/standing", "rendering/backdrop",
     ),
     "base/memory": (
         "background/captures", "background/complementary_rays", "background/parts", "background/stale",

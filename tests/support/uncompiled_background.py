@@ -47,7 +47,7 @@ EYE = dataclasses.replace(CAMERAS[1], name="eye", pose=Pose((-0.1, 0.15, 0.05)))
 SPHERE = Equirectangular(160, 106, (-0.6, 0.6), (-0.4, 0.4))
 # Steps of the model that some settings take and others leave out.
 VARIANTS = {
-    "standing": Settings(n_init=3, n_update=2, cull_stale=True),
+    "standing": Settings(n_init=3, n_update=2, cull_stale=True, middle_layers=300),
     "by pixel": Settings(n_init=3, n_update=2, culling_stride=2, tolerance_px=0.0, backdrop="farthest", refine=False),
     "paper": dataclasses.replace(Settings.paper(), n_init=2, n_update=2, culling_stride=2),
 }
