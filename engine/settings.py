@@ -69,12 +69,14 @@ class Settings:
     rays_by_triangle: bool = True
     # Triangles also go as soon as a view sees past the whole of them, or has lost them where it has no depth, even if
     # nothing farther is ever modelled there.
-    # None: where a camera's depth has a code for "no depth". With depth up to 5 m only, a room's model has a quarter
-    # less triangles and 40 % less ghosts, and updates take no longer (bench layers lounge --reach 5). Where all depth
-    # is known, nothing is gained.
-    cull_stale: bool | None = None
+    # With depth up to 5 m only, the models of two rooms have a tenth to a quarter less triangles and 40 % less ghosts,
+    # for up to 8 % more time of updates; pictures hardly change (bench layers NAME --reach 5). Where all depth is
+    # known, nothing is gained.
+    cull_stale: bool = False
     # Up to this number of triangles that foreground culling would remove stay while no camera has seen past them:
-    # furniture in the middle of a room. Needs cull_stale (None: on); no effect where the backdrop is the farthest.
+    # furniture in the middle of a room. Needs cull_stale; no effect where the backdrop is the farthest surface. The
+    # twin of such a room gains 0.7 dB PSNR-Y and 1.8 dB IV-PSNR in pixels that no drawn view shows. Other twins lose
+    # 0.1 dB or more, as backdrops have holes round what stands there. Updates take 5 to 13 % longer (bench layers).
     middle_layers: int = 0
     # A pixel that passes the triangle filter joins the P-PBS only if at least this number of its eight neighbours
     # belong to the P-PBS or join it too; 0: it also joins alone.
@@ -122,7 +124,7 @@ class Settings:
             raise ValueError("rays_by_triangle: False: expected True where culling_stride is 0, as nothing casts rays")
         if self.middle_layers < 0:
             raise ValueError(f"middle_layers: {self.middle_layers!r}: expected at least 0")
-        if self.middle_layers and self.cull_stale is False:
+        if self.middle_layers and not self.cull_stale:
             raise ValueError(f"middle_layers: {self.middle_layers!r}: expected 0 where cull_stale is False")
         if not 0 <= self.filter_neighbours <= 8:
             raise ValueError(f"filter_neighbours: {self.filter_neighbours!r}: expected 0 to 8")

@@ -75,8 +75,7 @@ class ForegroundCulling:
     ) -> None:
         self._pbs, self._cameras, self._layers = pbs, cameras, layers
         self._stride, self._by_triangle = settings.culling_stride, settings.rays_by_triangle
-        wanted = settings.middle_layers > 0 or any(camera.depth.has_invalid for camera in cameras.cameras)
-        self._stale = wanted if settings.cull_stale is None else settings.cull_stale
+        self._stale = settings.cull_stale
         self.changed = ChangedDirections(cameras.packed)
         self.cast_version = [-1] * len(cameras)
         self.looks = [0] * len(cameras)

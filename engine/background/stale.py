@@ -25,7 +25,9 @@ from .pbs import ProbableBackgroundSurface, Surface
 
 __all__ = ["Look", "flag_stale"]
 
-_LOOKED_AT = 1 << 10  # triangles of any camera that a view looks at in its camera's turn: each is projected
+# Triangles that a view looks at in its camera's turn, so that the cost of a turn is bounded: those that stem from its
+# picture, of each part of the PBS, and those of any camera, each of which has to be projected.
+_OWN, _LOOKED_AT = 1 << 16, 1 << 10
 
 
 class Look(NamedTuple):
@@ -44,13 +46,15 @@ def flag_stale(
     """Flags triangles as invalid that a camera's view shows to have gone, and of which no view of the frame shows a
     part; returns their number.
 
-    The view looks at all triangles that stem from its picture, where each has its place. Of the other triangles it
-    looks at some, in each turn at the next ones: they count where their own camera sees nothing, or has moved. present:
+    The view looks at the triangles that stem from its picture, where each has its place: at all of them, or if they are
+    very many at the next part of them in each round. Of all triangles it looks at a few, in each turn at the next ones:
+    they count where their own camera sees nothing, or has moved. present:
     makes the table of all views of the frame, which is needed only if a triangle may go. turn: how many views have
     looked before; cameras: of the rig.
     """
     flagged = 0
-    for surface, which in (*_gone(pbs, look, delta), *_seen_past(pbs, look.view, delta, turn, cameras)):
+    found = *_gone(pbs, look, delta, turn // cameras), *_seen_past(pbs, look.view, delta, turn, cameras)
+    for surface, which in found:
         table, shown = present(), np.empty(len(which), np.uint8)
         codes = np.ascontiguousarray(table.addresses[:, 0])
         find_shown(table.rows, codes, surface.packed, which, delta, shown)
@@ -72,17 +76,20 @@ def _seen_past(
             yield surface, first + np.flatnonzero(past)
 
 
-def _gone(pbs: ProbableBackgroundSurface, look: Look, delta: Delta) -> Iterator[tuple[Surface, I64]]:
-    """The triangles of a camera's current capture that have gone from its view, by surface."""
+def _gone(
+    pbs: ProbableBackgroundSurface, look: Look, delta: Delta, number: int
+) -> Iterator[tuple[Surface, I64]]:
+    """The triangles of a camera's current capture that have gone from its view, by surface; number: of the round."""
     view, image = look.view.view, look.capture.image
     row, codes = look.view.table_row, int(look.view.addresses(measured=True)[0])
     new, known = (Picture(p.codes, p.texture.y, p.texture.cb, p.texture.cr) for p in (view, image))
     for part in (pbs.static, pbs.progressive):
         if (surface := part.get(look.capture.number)) is not None:
-            gone = np.empty(len(surface.invalid), np.uint8)
             mesh, invalid = surface.packed, surface.invalid
-            if find_gone(row, codes, new, known, look.tone, mesh, invalid, delta, gone):
-                yield surface, np.flatnonzero(gone)
+            first = number % max(1, -(-len(invalid) // _OWN)) * _OWN
+            gone = np.empty(min(_OWN, len(invalid) - first), np.uint8)
+            if find_gone(row, codes, new, known, look.tone, mesh, invalid, delta, first, gone):
+                yield surface, first + np.flatnonzero(gone)
 
 
 def _part(pbs: ProbableBackgroundSurface, turn: int, cameras: int) -> Iterator[tuple[Surface, int, int]]:

@@ -17,7 +17,7 @@ from support.models import model_of
 from support.rooms import BOX_X, CODING, WALL_X, WALL_Y, camera_row, texture_of
 
 DELTA = (0.05, 0.004)
-LAYERS = Settings(n_init=5, middle_layers=1 << 20)
+LAYERS = Settings(n_init=5, cull_stale=True, middle_layers=1 << 20)
 NONE = dataclasses.replace(LAYERS, middle_layers=0)
 CAMERAS = camera_row(5, (96, 64), 0.6)
 PERSON_X, PERSON_Y, TABLE_Y = 1.6, 900, 500  # distance, metres, and luma codes
@@ -149,7 +149,7 @@ def test_what_the_farthest_backdrop_never_shows_is_not_kept():
     ("changes", "message"),
     [
         ({"middle_layers": -1}, "middle_layers: -1: expected at least 0"),
-        ({"middle_layers": 5, "cull_stale": False}, "middle_layers: 5: expected 0 where cull_stale is False"),
+        ({"middle_layers": 5}, "middle_layers: 5: expected 0 where cull_stale is False"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(changes, message):

@@ -25,7 +25,7 @@ CASES = {
     "every other frame": Settings(n_init=1, update_interval=2),
     "paper": Settings.preset("paper", n_init=1),
     "stale foreground": Settings(n_init=1, cull_stale=True),
-    "middle layers": Settings(n_init=1, middle_layers=40),
+    "middle layers": Settings(n_init=1, cull_stale=True, middle_layers=40),
     "viewing space": Settings(n_init=1, viewing_space=(0.0, 0.0, 0.0, 0.5)),
 }
 

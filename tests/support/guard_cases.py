@@ -437,7 +437,8 @@ def walking(rng: Rng, flush: str) -> Counts:
     p = Perspective.from_fov(*any_size(rng, (47, 64, 65)), 1.2) if rng.random() < 0.7 else any_projection(rng, SMALL)
     coding = any_coding(rng)
     cameras = [Camera(f"v{k}", p, Pose((0.0, 0.1 * k, 0.0)), coding) for k in range(rng.integers(1, 3))]
-    changes = {"n_update": len(cameras), "baseline_m": 0.5, "draw_moving": bool(rng.integers(2)), "middle_layers": 5}
+    changes = {"n_update": len(cameras), "baseline_m": 0.5, "draw_moving": bool(rng.integers(2))}
+    changes |= {"cull_stale": True, "middle_layers": 5}
     settings = Settings.preset("balanced", culling_stride=int(rng.integers(2)), **changes)
     engine, ball, video = engine_module.Engine(cameras, settings), any_ball(rng), []
     for index in range(9):

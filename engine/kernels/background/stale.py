@@ -193,10 +193,11 @@ def _has_gone(row: F64, new: Picture, known: Picture, tone: F64, mesh: Triangles
 
 @parallel
 def find_gone(
-    row: F64, codes: int, new: Picture, known: Picture, tone: F64, mesh: Triangles, invalid: U8, delta: Delta, gone: U8
-) -> int:
-    """Sets gone [m] to 1 for the triangles that are valid (invalid [m] 0) and have gone from the picture that they stem
-    from, else to 0; returns the number of these triangles.
+    row: F64, codes: int, new: Picture, known: Picture, tone: F64, mesh: Triangles, invalid: U8, delta: Delta,
+    first: int, gone: U8,
+) -> int:  # fmt: skip
+    """Sets gone [n] to 1 for those of the n triangles from number `first` on that are valid (invalid [m] 0) and have
+    gone from the picture that they stem from, else to 0; returns the number of these triangles.
 
     row, codes, new: of the camera's view now, from the same pose (`kernels.base.view_table`); known: its maximum depth
     image; tone: applied to the colours of the new view (`kernels.base.tone`). In all pixels within _RIM_PX of a
@@ -206,11 +207,11 @@ def find_gone(
     """
     count = 0
     for k in numba.prange(gone.shape[0]):
-        i = np.int64(k)
+        i = first + np.int64(k)
         found = False
         if invalid[i] == 0 and _may_have_gone(row, codes, mesh, i, delta):  # most have not
             found = _has_gone(row, new, known, tone, mesh, i, delta)
-        gone[i] = found
+        gone[k] = found
         count += found
     return count
 
@@ -219,10 +220,15 @@ def find_gone(
 def _is_shown(table: F64, codes: I64, mesh: Triangles, i: int, delta: Delta) -> bool:
     """Whether a view shows a sample point of a triangle (`kernels.base.sight.shows`)."""
     large = extent_px(mesh, mesh.triangles[i, 0], mesh.triangles[i, 1], mesh.triangles[i, 2]) > SMALL_PX
-    for k in range(len(SAMPLES) if large else 1):
-        x, y, z = _sample(mesh, i, k)
-        for view in range(table.shape[0]):
-            if shows(table[view], codes[view], x, y, z, delta):
+    x, y, z = _sample(mesh, i, 0)
+    for view in range(table.shape[0]):
+        u, v, depth = project_point(table[view], x, y, z)
+        beside = max(-u, -v, u - table[view, WIDTH], v - table[view, HEIGHT])
+        if not (depth > 0.0 and beside <= _LARGEST_PX):  # most views look elsewhere
+            continue
+        for k in range(len(SAMPLES) if large else 1):
+            px, py, pz = _sample(mesh, i, k)
+            if shows(table[view], codes[view], px, py, pz, delta):
                 return True
     return False
 
