@@ -22,7 +22,7 @@ from farside.engine.kernels.base.tone import IDENTITY
 from farside.engine.rig.camera import Camera, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
 from farside.engine.rig.frame import Frame, Texture, View
-from farside.engine.settings import Settings
+from farside.engine.settings import MODELLING, Settings
 from oracle.light import follow, same_surface
 from support.leaves import leaves
 
@@ -285,3 +285,10 @@ def test_a_state_of_other_cells_is_refused():
             check_model(dataclasses.replace(state, captures=(damaged,)), rig)
 
 
+
+
+def test_a_negative_time_constant_is_refused_and_the_paper_follows_no_light():
+    with pytest.raises(ValueError, match=r"light_s: -1\.0: expected at least 0"):
+        Settings(light_s=-1.0)
+    assert Settings.paper().light_s == 0.0
+    assert "light_s" in MODELLING
