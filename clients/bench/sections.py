@@ -183,7 +183,7 @@ SECTIONS = (
         "saving", "How long do pictures and updates wait while the model is saved?",
         ("saving", "museum", "--scale", "0.25", *_BALANCED),
         "The engine is a process of its own; the model is saved every three seconds instead of every minute. A copy is "
-        "made between two updates; it is written by a thread that gives way to pictures.",
+        "made between two updates, and written by a thread of its own.",
     ),
     Section(
         "live", "How fast and steady is the live service, over localhost?",

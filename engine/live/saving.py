@@ -9,8 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from .update_priority import GENTLE
-
 __all__ = ["ModelFiles", "Saver"]
 
 _log = logging.getLogger(__name__)
@@ -88,7 +86,6 @@ class Saver:
         self._wake.set()
 
     def _run(self) -> None:
-        _give_way()
         while not self._ended:
             self._wake.wait(max(self._interval_s, _SHORTEST_S))
             self._wake.clear()
@@ -112,10 +109,3 @@ class Saver:
             self._status["saves"] += 1
             self._status.update(bytes=size, write_ms=1e3 * (time.perf_counter() - start), error="")
         self._waiting = None
-
-
-def _give_way() -> None:
-    """Lets pictures go before the calling thread: checksums of a large model take a core for a second or more."""
-    from ..support.runtime import give_way  # late, as it loads the compiler
-
-    give_way(GENTLE)
