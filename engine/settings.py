@@ -74,9 +74,10 @@ class Settings:
     # known, nothing is gained.
     cull_stale: bool = False
     # Up to this number of triangles that foreground culling would remove stay while no camera has seen past them:
-    # furniture in the middle of a room. Needs cull_stale; no effect where the backdrop is the farthest surface. The
-    # twin of such a room gains 0.7 dB PSNR-Y and 1.8 dB IV-PSNR in pixels that no drawn view shows. Other twins lose
-    # 0.1 dB or more, as backdrops have holes round what stands there. Updates take 5 to 13 % longer (bench layers).
+    # furniture in the middle of a room. Needs cull_stale; no effect where the backdrop is the farthest surface. In
+    # pixels that no drawn view shows, twins of such rooms (lounge, doorway) gain 0.6 to 1.1 dB PSNR-Y and 0.8 to 2 dB
+    # IV-PSNR; others (museum, hijack) lose 0.1 to 2 dB, as backdrops have holes round what stands there. Updates take
+    # 5 to 13 % longer (bench layers).
     middle_layers: int = 0
     # A pixel that passes the triangle filter joins the P-PBS only if at least this number of its eight neighbours
     # belong to the P-PBS or join it too; 0: it also joins alone.

@@ -135,7 +135,8 @@ SECTIONS = (
         ("layers", "lounge", "--scale", "0.125", "--frames", "61", *_BALANCED),
         "Only pixels that no drawn view shows count. Wrong: the backdrop is off by more than delta; unknown: there is "
         "none. Ghosts: the model is nearer than both what always stands and the present scene. Ratio: of the "
-        "updates' CPU time. Stale: what a view shows to have gone is culled at once.",
+        "updates' CPU time. Stale: what a view shows to have gone is culled at once; "
+        "layers: also, what no camera has seen past stays, as furniture in the middle of a room.",
     ),
     Section(
         "tolerances", "Are the tolerances that follow from the scene good?",
