@@ -86,14 +86,15 @@ def _totals(moments: Sequence[Moment], views: int) -> str:
     """Whether updates get slower, and the accumulated triangles with and without culling (Fig. 12b)."""
     last, lines = moments[-1], []
     # Cameras take turns, and a turn of one takes longer than that of another: rounds of all are alike.
-    rounds = np.array([m.update_ms for m in moments[1:]])[: (len(moments) - 1) // views * views]
+    rounds = np.array([m.update_cpu_ms for m in moments[1:]])[: (len(moments) - 1) // views * views]
     means = rounds.reshape(-1, views, 2).mean(axis=1)
     if len(means) >= _ROUNDS:
         told = []
         for column in means.T / views:  # a round's slope is that of so many frames
             slope, low, high = (1e3 * value for value in trend(column.tolist()))
             told.append(f"{slope:+.1f} us a frame (95 %: {low:+.1f} to {high:+.1f})")
-        lines.append(f"update time over {len(means)} rounds of {views} frames: {told[0]} without, {told[1]} with")
+        what = f"CPU time of updates over {len(means)} rounds of {views} frames"
+        lines.append(f"{what}: {told[0]} without, {told[1]} with")
     lines.append(
         f"triangles after frame {last.frame}, with the moving camera: {last.exposed:,} exposed, of which "
         f"{last.exposed - last.p_pbs[1]:,} were culled; the P-PBS has {last.p_pbs[1]:,}"

@@ -36,16 +36,17 @@ _PEAK = 1023.0
 class Moment:
     """A frame of a rig with a moving camera, played without it (first of each pair) and with it.
 
-    update_ms: wall time of the model's update. In the moving camera's turn, asked: pixels that its capture before does
-    not show, of which rays tell whether they are farther than the PBS; added: triangles of those that are. culled:
-    triangles that were culled; p_pbs: valid ones of the P-PBS. captures: those that are kept. holes: fractions of
-    pixels before filling, by virtual camera; empty in frames that are not sampled. pictures: the same. exposed:
-    triangles that the P-PBS with the moving camera would have if nothing had been culled from it. plain: the pictures
-    of the same drawn views without the model.
+    update_ms, update_cpu_ms: wall and CPU time of the model's update. In the moving camera's turn, asked: pixels that
+    its capture before does not show, of which rays tell whether they are farther than the PBS; added: triangles of
+    those that are. culled: triangles that were culled; p_pbs: valid ones of the P-PBS. captures: those that are kept.
+    holes: fractions of pixels before filling, by virtual camera; empty in frames that are not sampled. pictures: the
+    same. exposed: triangles that the P-PBS with the moving camera would have if nothing had been culled from it. plain:
+    the pictures of the same drawn views without the model.
     """
 
     frame: int
     update_ms: tuple[float, float]
+    update_cpu_ms: tuple[float, float]
     asked: int
     added: int
     culled: int
@@ -113,7 +114,8 @@ def play_rig(
             raise ValueError("background: False: expected settings with a background model")
         asked = with_it.candidates if set(with_it.group) & set(moving) else 0
         yield Moment(
-            frame.index, _pair(report.stages["background"] for report in reports), asked, with_it.added, with_it.culled,
+            frame.index, _pair(report.stages["background"] for report in reports),
+            _pair(report.stages.cpu["background"] for report in reports), asked, with_it.added, with_it.culled,
             _pair(engine.status()["background"]["p_pbs"] for engine in engines), len(engines[1].model.captures),
             {name: _pair(p.report.holes_backdrop for p in pictures) for name, pictures in shown.items()},
             {name: _pair(pictures) for name, pictures in shown.items()}, exposed.take(with_it),
