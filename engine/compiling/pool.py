@@ -44,6 +44,7 @@ class Compiling:
     ) -> None:
         self._uses, self._numbers = tuple(uses), needed_for(uses)
         self._left, self._done, self._failed = list(self._numbers), set[int](), 0
+        self._after = _callees_by_use(self._uses)
         self._workers, self._changed = workers or core_count(), changed
         self._condition, self._stopped = threading.Condition(), False
         self._processes: list[subprocess.Popen[str]] = []
@@ -130,7 +131,7 @@ class Compiling:
         with self._condition:
             while self._left and not self._stopped:
                 for number in self._left:
-                    if self._done.issuperset(set(read()[number].after) & set(self._numbers)):
+                    if self._done.issuperset(self._after[number]):
                         self._left.remove(number)
                         return number
                 self._condition.wait()
@@ -148,6 +149,16 @@ class Compiling:
                     _leave_note(use)
             self._condition.notify_all()
         self._changed(self.progress)
+
+
+def _callees_by_use(uses: Sequence[str]) -> dict[int, frozenset[int]]:
+    """Which kernels each kernel waits for: its callees among those of the first use that needs it. A kernel that only a
+    later use needs has other types, and is called there."""
+    found: dict[int, frozenset[int]] = {}
+    for use in uses:
+        numbers = set(needed_for([use]))
+        found |= {k: frozenset(read()[k].after) & numbers for k in numbers if k not in found}
+    return found
 
 
 def _end(process: subprocess.Popen[str]) -> None:

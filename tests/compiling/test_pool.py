@@ -81,6 +81,23 @@ def test_nothing_is_started_when_all_are_known_to_be_there(folder: Path, monkeyp
     assert not any(note.is_file() for note in pool._notes("fast"))
 
 
+def test_a_kernel_does_not_wait_for_callees_of_other_types_that_a_later_use_needs(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listed = [kernel for kernel in needed.read() if not kernel.after and kernel.name][:3]
+    uses, after = (("best",), ("fast",), ("fast",)), ((), (), (0, 1))
+    _use(monkeypatch, *(Kernel(k.module, k.name, k.types, *ours) for k, *ours in zip(listed, after, uses, strict=True)))
+    order, ask = list[str](), pool._ask
+
+    def noted(process: subprocess.Popen[str], line: str) -> str:
+        order.append(json.loads(line)["name"])
+        return ask(process, line)
+
+    monkeypatch.setattr(pool, "_ask", noted)
+    Compiling(("fast", "best"), 1).run()
+    assert order == [listed[k].name for k in (1, 2, 0)]
+
+
 def test_a_note_is_left_once_for_each_use(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     listed = [kernel for kernel in needed.read() if not kernel.after and kernel.name][:4]
     uses = ("fast",), ("fast", "best"), ("best",), ("best",)
