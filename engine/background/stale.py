@@ -69,7 +69,7 @@ def _seen_past(
     pbs: ProbableBackgroundSurface, view: PreparedView, delta: Delta, turn: int, cameras: int
 ) -> Iterator[tuple[Surface, I64]]:
     """The triangles past which a view sees in the part of the model that is looked at, by surface."""
-    row, codes = view.table_row, int(view.addresses(measured=True)[0])
+    row, codes = view.table_row, view.addresses(measured=True)[0]
     for surface, first, end in _part(pbs, turn, cameras):
         past = np.empty(end - first, np.uint8)
         if find_seen_past(row, codes, surface.packed, surface.invalid, delta, first, past):
@@ -81,7 +81,7 @@ def _gone(
 ) -> Iterator[tuple[Surface, I64]]:
     """The triangles of a camera's current capture that have gone from its view, by surface; number: of the round."""
     view, image = look.view.view, look.capture.image
-    row, codes = look.view.table_row, int(look.view.addresses(measured=True)[0])
+    row, codes = look.view.table_row, look.view.addresses(measured=True)[0]
     new, known = (Picture(p.codes, p.texture.y, p.texture.cb, p.texture.cr) for p in (view, image))
     for part in (pbs.static, pbs.progressive):
         if (surface := part.get(look.capture.number)) is not None:

@@ -20,7 +20,7 @@ from .lines import along, from_camera
 from .rays import ROUNDING, Tracer, distance_to_exit, is_free
 from .surfaces import Triangles
 
-__all__ = ["SAMPLES", "SMALL_PX", "extent_px", "list_unmarked", "mark_by_triangle"]
+__all__ = ["SAMPLES", "SMALL_PX", "extent_px", "list_unmarked", "mark_by_triangle", "sample_point"]
 
 
 # Two of the barycentric coordinates of a triangle's sample points: first the centroid; then, for triangles larger than
@@ -62,6 +62,19 @@ def extent_px(mesh: Triangles, a: int, b: int, c: int) -> float:
     )
 
 
+@inlined
+def sample_point(mesh: Triangles, i: int, k: int) -> tuple[float, float, float]:
+    """Sample point k of a triangle (SAMPLES); the first one is its middle."""
+    points, a, b, c = mesh.points, mesh.triangles[i, 0], mesh.triangles[i, 1], mesh.triangles[i, 2]
+    p, q = SAMPLES[k]
+    r = 1.0 - p - q
+    return (
+        p * points[a, 0] + q * points[b, 0] + r * points[c, 0],
+        p * points[a, 1] + q * points[b, 1] + r * points[c, 1],
+        p * points[a, 2] + q * points[b, 2] + r * points[c, 2],
+    )
+
+
 @parallel
 def mark_by_triangle(
     tracer: Tracer, cameras: F64, order: I64, run: int, mesh: Triangles, which: I64, delta: Delta, marks: U64
@@ -75,16 +88,12 @@ def mark_by_triangle(
     """
     rays = 0
     for i in numba.prange(which.shape[0]):
-        points, triangles = mesh.points, mesh.triangles
+        triangles = mesh.triangles
         a, b, c = triangles[which[i], 0], triangles[which[i], 1], triangles[which[i], 2]
         first = i // run if run > 0 else 0
         found = -1
         for k in range(len(SAMPLES) if extent_px(mesh, a, b, c) > SMALL_PX else 1):
-            p, q = SAMPLES[k]
-            r = 1.0 - p - q
-            x = p * points[a, 0] + q * points[b, 0] + r * points[c, 0]
-            y = p * points[a, 1] + q * points[b, 1] + r * points[c, 1]
-            z = p * points[a, 2] + q * points[b, 2] + r * points[c, 2]
+            x, y, z = sample_point(mesh, which[i], k)
             for j in range(order.shape[0]):
                 camera = order[(first + j) % order.shape[0]]
                 verdict = _judge(tracer, cameras[camera], x, y, z, delta)

@@ -10,7 +10,7 @@ from ...support.array_types import F32, F64, I32, I64, U8
 from ..base.jit import inlined, parallel, serial
 from ..base.project import project_point
 from ..base.tolerance import Delta, delta_at
-from .culling import SAMPLES, SMALL_PX, extent_px
+from .culling import SAMPLES, SMALL_PX, extent_px, sample_point
 from .lines import from_camera
 from .rays import ROUNDING, Tracer, is_seen_from
 from .standing import Present, standing_hit
@@ -77,23 +77,16 @@ def mark_seen(
     `spread_seen`) are skipped. surfaces, present and delta: see `standing_hit`."""
     rays = 0
     for run in numba.prange((invalid.shape[0] + _RUN - 1) // _RUN):
-        points, triangles, last = mesh.points, mesh.triangles, 0
+        triangles, last = mesh.triangles, 0
         for i in range(run * _RUN, min((run + 1) * _RUN, triangles.shape[0])):
             if invalid[i] != 0 or _is_beside(mesh.uv, triangles[i], wraps, cells):
                 continue
             a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
             samples = 1 if extent_px(mesh, a, b, c) <= SMALL_PX else len(SAMPLES)
             for k in range(samples * eyes.shape[0]):
-                p, q = SAMPLES[k // eyes.shape[0]]
-                r = 1.0 - p - q
+                x, y, z = sample_point(mesh, i, k // eyes.shape[0])
                 eye = (last + k) % eyes.shape[0]
-                found, cast = _sees(
-                    tracer, eyes[eye],
-                    p * points[a, 0] + q * points[b, 0] + r * points[c, 0],
-                    p * points[a, 1] + q * points[b, 1] + r * points[c, 1],
-                    p * points[a, 2] + q * points[b, 2] + r * points[c, 2],
-                    surfaces, present, delta,
-                )  # fmt: skip
+                found, cast = _sees(tracer, eyes[eye], x, y, z, surfaces, present, delta)
                 rays += cast
                 if found:
                     seen[i], last = 1, eye

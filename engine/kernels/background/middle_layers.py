@@ -8,7 +8,7 @@ from ...support.array_types import F32, F64, I64, U8
 from ..base.jit import parallel, serial
 from ..base.sight import looks_through
 from ..base.tolerance import Delta
-from .culling import SAMPLES, SMALL_PX, extent_px
+from .culling import SAMPLES, SMALL_PX, extent_px, sample_point
 from .surfaces import Triangles
 
 __all__ = ["find_never_seen_past", "measure_pixels"]
@@ -17,13 +17,9 @@ __all__ = ["find_never_seen_past", "measure_pixels"]
 @serial
 def _is_seen_past(table: F64, codes: I64, mesh: Triangles, i: int, delta: Delta) -> bool:
     """Whether a picture is farther, by more than delta, than a sample point of a triangle."""
-    points, a, b, c = mesh.points, mesh.triangles[i, 0], mesh.triangles[i, 1], mesh.triangles[i, 2]
+    a, b, c = mesh.triangles[i, 0], mesh.triangles[i, 1], mesh.triangles[i, 2]
     for k in range(len(SAMPLES) if extent_px(mesh, a, b, c) > SMALL_PX else 1):
-        p, q = SAMPLES[k]
-        r = 1.0 - p - q
-        x = p * points[a, 0] + q * points[b, 0] + r * points[c, 0]
-        y = p * points[a, 1] + q * points[b, 1] + r * points[c, 1]
-        z = p * points[a, 2] + q * points[b, 2] + r * points[c, 2]
+        x, y, z = sample_point(mesh, i, k)
         for view in range(table.shape[0]):
             if looks_through(table[view], codes[view], x, y, z, delta):
                 return True

@@ -22,7 +22,7 @@ from ..base.sight import looks_through, shows
 from ..base.tolerance import Delta, delta_at
 from ..base.tone import toned
 from ..base.view_table import INVALID, OFFSET, STEP
-from .culling import SAMPLES, SMALL_PX, extent_px
+from .culling import SAMPLES, SMALL_PX, extent_px, sample_point
 from .picture import Picture
 from .surfaces import Triangles
 
@@ -32,19 +32,6 @@ _RIM_PX = 1.0  # how far round a triangle's image a view must see past it
 _LARGEST_PX = 128.0  # sides of a larger image are not searched: such a triangle stays
 _THIRD = 1.0 / 3.0
 _OTHER = 40.0  # difference of 10-bit codes of luma or chroma that is another colour
-
-
-@inlined
-def _sample(mesh: Triangles, i: int, k: int) -> tuple[float, float, float]:
-    """Sample point k of a triangle (`culling.SAMPLES`); the first one is its middle."""
-    points, a, b, c = mesh.points, mesh.triangles[i, 0], mesh.triangles[i, 1], mesh.triangles[i, 2]
-    p, q = SAMPLES[k]
-    r = 1.0 - p - q
-    return (
-        p * points[a, 0] + q * points[b, 0] + r * points[c, 0],
-        p * points[a, 1] + q * points[b, 1] + r * points[c, 1],
-        p * points[a, 2] + q * points[b, 2] + r * points[c, 2],
-    )
 
 
 @inlined
@@ -128,7 +115,7 @@ def find_seen_past(row: F64, codes: int, mesh: Triangles, invalid: U8, delta: De
         i = first + np.int64(k)
         found = False
         if invalid[i] == 0:
-            x, y, z = _sample(mesh, i, 0)
+            x, y, z = sample_point(mesh, i, 0)
             found = looks_through(row, codes, x, y, z, delta) and _sees_past(row, codes, mesh, i, delta)
         past[k] = found
         count += found
@@ -156,7 +143,7 @@ def _may_have_gone(row: F64, codes: int, mesh: Triangles, i: int, delta: Delta) 
     code = load_u16(codes, int(v) * int(row[WIDTH]) + int(u))
     if code == 0 and row[INVALID] > 0.0:
         return True
-    x, y, z = _sample(mesh, i, 0)
+    x, y, z = sample_point(mesh, i, 0)
     depth = _depth(row, x, y, z)
     return (row[OFFSET] + row[STEP] * code) * (depth + delta_at(delta, depth)) < 1.0
 
@@ -220,14 +207,14 @@ def find_gone(
 def _is_shown(table: F64, codes: I64, mesh: Triangles, i: int, delta: Delta) -> bool:
     """Whether a view shows a sample point of a triangle (`kernels.base.sight.shows`)."""
     large = extent_px(mesh, mesh.triangles[i, 0], mesh.triangles[i, 1], mesh.triangles[i, 2]) > SMALL_PX
-    x, y, z = _sample(mesh, i, 0)
+    x, y, z = sample_point(mesh, i, 0)
     for view in range(table.shape[0]):
         u, v, depth = project_point(table[view], x, y, z)
         beside = max(-u, -v, u - table[view, WIDTH], v - table[view, HEIGHT])
         if not (depth > 0.0 and beside <= _LARGEST_PX):  # most views look elsewhere
             continue
         for k in range(len(SAMPLES) if large else 1):
-            px, py, pz = _sample(mesh, i, k)
+            px, py, pz = sample_point(mesh, i, k)
             if shows(table[view], codes[view], px, py, pz, delta):
                 return True
     return False
