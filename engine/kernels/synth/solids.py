@@ -149,37 +149,43 @@ def meets(spheres: F64, i: int, o: Vector, d: Vector, spread: float, limit: floa
 
 
 @serial
-def candidates(groups: F64, first: int, o: Vector, d: Vector, spread: float) -> IndexArray:
-    """Groups from `first` on that rays within `spread` of d may meet, nearest first."""
-    found = np.empty(groups.shape[0] - first, np.int64)
+def candidates(solids: Solids, first: int, o: Vector, d: Vector, spread: float) -> IndexArray:
+    """Parts of the groups from `first` on that rays within `spread` of d may meet; those of the nearest group first."""
+    parts, groups = solids
+    order = np.empty(groups.shape[0] - first, np.int64)
     starts = np.empty(groups.shape[0] - first)
-    count = 0
+    count = total = 0
     for g in range(first, groups.shape[0]):
         if meets(groups, g, o, d, spread, math.inf):
             x, y, z = groups[g, X] - o[0], groups[g, Y] - o[1], groups[g, Z] - o[2]
             start = math.sqrt(x * x + y * y + z * z) - groups[g, RADIUS]
             k = count
             while k > 0 and starts[k - 1] > start:
-                found[k], starts[k] = found[k - 1], starts[k - 1]
+                order[k], starts[k] = order[k - 1], starts[k - 1]
                 k -= 1
-            found[k], starts[k] = g, start
+            order[k], starts[k] = g, start
             count += 1
-    return found[:count]
+            total += int(groups[g, END] - groups[g, FIRST])
+    found = np.empty(total, np.int64)
+    total = 0
+    for k in range(count):
+        for i in range(int(groups[order[k], FIRST]), int(groups[order[k], END])):
+            if meets(parts, i, o, d, spread, math.inf):
+                found[total] = i
+                total += 1
+    return found[:total]
 
 
 @serial
-def nearest(solids: Solids, among: IndexArray, o: Vector, d: Vector) -> tuple[float, int]:
-    """Nearest hit among the groups `among`: (t, part), or (inf, -1) if there is none."""
-    parts, groups = solids
+def nearest(parts: F64, among: IndexArray, o: Vector, d: Vector) -> tuple[float, int]:
+    """Nearest hit among the parts `among`: (t, part), or (inf, -1) if there is none."""
     best, best_part = math.inf, -1
     for k in range(among.shape[0]):
-        g = among[k]
-        if meets(groups, g, o, d, 0.0, best):
-            for i in range(int(groups[g, FIRST]), int(groups[g, END])):
-                if meets(parts, i, o, d, 0.0, best):
-                    t = _hit_part(parts, i, o, d)
-                    if t < best:
-                        best, best_part = t, i
+        i = among[k]
+        if meets(parts, i, o, d, 0.0, best):
+            t = _hit_part(parts, i, o, d)
+            if t < best:
+                best, best_part = t, i
     return best, best_part
 
 

@@ -14,8 +14,6 @@ from ..base.jit import parallel, serial
 from ..base.project import position, unproject_point
 from .patterns import pattern_colour
 from .solids import (
-    END,
-    FIRST,
     IndexArray,
     Solids,
     Vector,
@@ -32,7 +30,7 @@ __all__ = ["LAMP_SIZE", "SceneArrays", "TracedPicture", "trace_picture"]
 LAMP_X, LAMP_Y, LAMP_Z, STRENGTH, REACH, RED, GREEN, BLUE = range(8)
 LAMP_SIZE = 8
 AMBIENT = 0.38
-TILE = 16  # pixels; the groups that a tile may see are searched once for all its rays
+TILE = 16  # pixels; the parts that a tile may see are searched once for all its rays
 
 
 class SceneArrays(NamedTuple):
@@ -101,28 +99,24 @@ def _pixel_rad(camera: F64) -> float:
 
 @serial
 def _block_meets(
-    camera: F64, solids: Solids, among: IndexArray, row: int, column: int, samples: int, spread: float
+    camera: F64, parts: F64, among: IndexArray, row: int, column: int, samples: int, spread: float
 ) -> bool:
-    """Whether any ray of a block of 2 x 2 pixels meets the groups `among`, hidden or not."""
-    parts, groups = solids
+    """Whether any ray of a block of 2 x 2 pixels meets the parts `among`, hidden or not."""
     o = position(camera)
     d = _ray(camera, column + 1.0, row + 1.0)
     near = False
     for k in range(among.shape[0]):
-        g = among[k]
-        if not near and meets(groups, g, o, d, spread, math.inf):
-            for i in range(int(groups[g, FIRST]), int(groups[g, END])):
-                near = near or meets(parts, i, o, d, spread, math.inf)
+        near = near or meets(parts, among[k], o, d, spread, math.inf)
     if not near:
         return False
     for y in range(row, row + 2):
         for x in range(column, column + 2):
             d = _ray(camera, x + 0.5, y + 0.5)
-            if nearest(solids, among, o, d)[1] >= 0:
+            if nearest(parts, among, o, d)[1] >= 0:
                 return True
             for s in range(samples * samples):
                 d = _ray(camera, x + (s % samples + 0.5) / samples, y + (s // samples + 0.5) / samples)
-                if nearest(solids, among, o, d)[1] >= 0:
+                if nearest(parts, among, o, d)[1] >= 0:
                     return True
     return False
 
@@ -132,11 +126,11 @@ def _pixel_colour(
     camera: F64, scene: SceneArrays, among: IndexArray, x: int, y: int, samples: int, pixel_rad: float
 ) -> Vector:
     """Mean linear colour of samples x samples rays, gamma 2, as Y' in [0, 1], Cb, Cr in [-.5, .5]."""
-    o, solids = position(camera), Solids(scene.parts, scene.groups)
+    o, parts = position(camera), scene.parts
     r = g = b = 0.0
     for s in range(samples * samples):
         d = _ray(camera, x + (s % samples + 0.5) / samples, y + (s // samples + 0.5) / samples)
-        t, part = nearest(solids, among, o, d)
+        t, part = nearest(parts, among, o, d)
         colour = _shade(scene, part, o, d, t, pixel_rad)
         r, g, b = r + colour[0], g + colour[1], b + colour[2]
     weight = 1.0 / (samples * samples)
@@ -155,14 +149,14 @@ def _trace_block(
     """Write a block of 2 x 2 pixels, as far as they lie in the picture."""
     luma, cb, cr, codes = picture
     height, width = luma.shape
-    o, pixel_rad, solids = position(camera), _pixel_rad(camera), Solids(scene.parts, scene.groups)
+    o, pixel_rad, parts = position(camera), _pixel_rad(camera), scene.parts
     blue = red = 0.0
     for k in range(4):
         y, x = min(row + k // 2, height - 1), min(column + k % 2, width - 1)
         bright, b, r = _pixel_colour(camera, scene, among, x, y, samples, pixel_rad)
         luma[y, x] = np.uint16(np.rint(64.0 + 876.0 * bright))
         blue, red = blue + b, red + r
-        depth, _ = nearest(solids, among, o, _ray(camera, x + 0.5, y + 0.5))
+        depth, _ = nearest(parts, among, o, _ray(camera, x + 0.5, y + 0.5))
         code = np.rint((1.0 / depth - coding.offset) / coding.step)
         codes[y, x] = np.uint16(min(max(code, coding.min_code), coding.max_code))
     cb[row // 2, column // 2] = np.uint16(np.rint(512.0 + 224.0 * blue))
@@ -185,11 +179,11 @@ def trace_picture(
     for tile in numba.prange(across * ((height + TILE - 1) // TILE)):
         top, left = TILE * (tile // across), TILE * (tile % across)
         d = _ray(camera, left + 0.5 * TILE, top + 0.5 * TILE)
-        movers = candidates(scene.groups, first, o, d, TILE * pixel_rad)
+        movers = candidates(solids, first, o, d, TILE * pixel_rad)
         if first > 0 and movers.shape[0] == 0:
             continue
-        among = candidates(scene.groups, 0, o, d, TILE * pixel_rad)
+        among = candidates(solids, 0, o, d, TILE * pixel_rad)
         for row in range(top, min(top + TILE, height), 2):
             for column in range(left, min(left + TILE, width), 2):
-                if first == 0 or _block_meets(camera, solids, movers, row, column, samples, 2.0 * pixel_rad):
+                if first == 0 or _block_meets(camera, scene.parts, movers, row, column, samples, 2.0 * pixel_rad):
                     _trace_block(camera, coding, scene, among, samples, row, column, picture)
