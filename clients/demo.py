@@ -115,7 +115,8 @@ class _Show:
         self._server = make_server(settings, compiling=self._compiling, preparing=self._preparing)
         self._settings, self._listening = settings, listening
         self._recording, self._rate = twin, rate
-        self._waiting: asyncio.Task[None] | None = None  # a twin waits for kernels
+        self._waiting: asyncio.Task[None] | None = None  # a twin waits for the first picture
+        self._shown = asyncio.Event()  # the engine has had a frame
 
     async def run(self, seconds: float | None, console: Console) -> None:
         """Serve and replay for `seconds`, or until either ends; then stop the replay before the server."""
@@ -137,27 +138,31 @@ class _Show:
                 self._twin.stop()
 
     def _preparing(self) -> str:
-        if self._twin is None or self._waiting is not None:  # the replay has begun
+        if self._twin is None or self._shown.is_set() or self._twin.first_views >= FIRST_VIEWS:
             return ""
         return f"making the sequence: {self._twin.first_views} of {FIRST_VIEWS} views"
 
     async def _replay(self) -> None:
-        while not self._server.started:
-            await asyncio.sleep(0.02)
         if self._twin:
             await asyncio.to_thread(self._compiling.wait, ("synth",))
             self._twin.start()
-            await self._twin.wait_for_first_views()
-            self._waiting = asyncio.create_task(self._go_on(self._twin))
+            await self._twin.wait_for_cameras()  # the engine starts while the first views are made
+            self._waiting = asyncio.create_task(self._make_way(self._twin))
+        while not self._server.started:
+            await asyncio.sleep(0.02)
         settings, recording = self._settings, self._recording
         playback = Playback(recording, recording.source_names, self._rate, loop=True, token=settings.token)
-        replay = Replay(playback, tls=trust_certificate(settings.ssl_certfile) if settings.secure else None)
+        tls = trust_certificate(settings.ssl_certfile) if settings.secure else None
+        replay = Replay(playback, lambda replay: self._shown.set(), tls)
         await replay.run(addresses_of(self._listening, settings)[0])
 
-    async def _go_on(self, twin: DemoTwin) -> None:
-        """Let the twin wait until the kernels for the first picture are there."""
+    async def _make_way(self, twin: DemoTwin) -> None:
+        """From its first views on, let the twin wait until the kernels for the first picture are there and the engine
+        has had its first frame."""
+        await twin.wait_for_first_views()
         twin.pause()
         await asyncio.to_thread(self._compiling.wait, self._settings.needed[:1])
+        await self._shown.wait()
         twin.go_on()
 
     async def _show_progress(self, console: Console) -> None:

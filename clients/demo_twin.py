@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -23,7 +24,7 @@ __all__ = ["FIRST_VIEWS", "DemoTwin"]
 
 T = TypeVar("T")
 _POLL_S, _NICENESS = 0.2, 5
-FIRST_VIEWS = 8  # views with which the first frame is shown already: more than a picture is drawn from
+FIRST_VIEWS = 5  # views with which the first frame is shown already: as many as a picture is drawn from
 _TO_COME = Fault("not made yet")
 
 
@@ -43,14 +44,15 @@ def _first_view(recording: Sequence, name: str) -> View:
 class DemoTwin:
     """A recording that grows while it is made in a folder; an interrupted run leaves no folder.
 
-    `start`, then `wait_for_first_views`, then use it as a `Recording`; `stop` at the end. Until its first frame is
-    whole, the views that are still to be made are left out of it.
+    `start`, then `wait_for_cameras`, then use it as a `Recording`; `stop` at the end. Its first frame comes as soon as
+    some views are there; those that are still to be made are left out of it.
     """
 
     def __init__(self, folder: Path, scale: float, total: int) -> None:
         self.folder, self.total = folder, total
         self._scale, self._done, self._started = scale, 0, False
         self._process: subprocess.Popen[bytes] | None = None
+        self._stopped = threading.Event()
         self._told = tempfile.TemporaryFile()  # noqa: SIM115 # its error output, open as long as the twin
         self._open: Sequence | None = None
         self._place, self._opened = folder, 0.0  # of what is open: where, and when, s
@@ -65,11 +67,23 @@ class DemoTwin:
         command = [*run, "synth", "museum", str(self.folder), *options]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=self._told)
 
+    async def wait_for_cameras(self) -> None:
+        """Wait until its cameras are known; raises OSError as `check` does."""
+        while not self._begun:
+            self.check()
+            await asyncio.sleep(_POLL_S / 4)
+
+    @property
+    def _begun(self) -> bool:
+        with contextlib.suppress(ValueError, OSError):
+            return bool(self.source_names)
+        return False
+
     async def wait_for_first_views(self) -> None:
         """Wait until some views of the first frame are there; raises OSError as `check` does."""
         while self.first_views < FIRST_VIEWS:
             self.check()
-            await asyncio.sleep(_POLL_S)
+            await asyncio.sleep(_POLL_S / 2)
         if self._process is not None:
             _give_way(self._process.pid)
 
@@ -100,7 +114,8 @@ class DemoTwin:
             self._process.send_signal(signal.SIGCONT)
 
     def stop(self) -> None:
-        """End the process, if it still runs."""
+        """End the process, if it still runs; who waits for its first frame gets an OSError."""
+        self._stopped.set()
         if self._process is not None:
             self.go_on()
             self._process.terminate()
@@ -171,10 +186,15 @@ class DemoTwin:
         return self._read(lambda recording: recording.poses(name))
 
     def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
-        """The reference views of one instant; those of the first one that are not made yet are left out."""
+        """The reference views of one instant. It waits for some views of the first one; those that are not made then
+        are left out. Raises OSError as `check` does, and if it was stopped meanwhile."""
         wanted = self.source_names if names is None else tuple(names)
         if index > 0 or self.done > 0:
             return self._read(lambda recording: recording.frame(index, wanted))
+        while self.first_views < FIRST_VIEWS:
+            self.check()
+            if self._stopped.wait(_POLL_S / 2):
+                raise OSError(f"twin: {self.folder}: expected to be made: stopped")
         return self._read(lambda recording: Frame(0, tuple(_first_view(recording, name) for name in wanted)))
 
     def frames(self, start: int = 0, stop: int | None = None, names: Iterable[str] | None = None) -> Iterator[Frame]:

@@ -54,7 +54,7 @@ def create_app(
     """The application; `make_core` replaces the maker of the engine's process, which is called for each new rig.
 
     `compiling` replaces the kernels that are compiled at the start: those that the settings need. preparing: tells, for
-    people, what a source that is to come is waiting for; "": nothing is known of one.
+    people, what a source's first frame is waiting for; "": nothing is known of it.
     """
     if compiling is None and make_core is None:
         compiling = Compiling(settings.needed)

@@ -53,7 +53,7 @@ class Service:
     live: Live
     settings: ServerSettings
     compiling: Compiling | None = None  # kernels on their way
-    preparing: Callable[[], str] = str  # what a source that is to come is waiting for, for people; "": nothing known
+    preparing: Callable[[], str] = str  # what a source's first frame is waiting for, for people; "": nothing known
     session: str = field(default_factory=lambda: secrets.token_hex(4))
     started: float = field(default_factory=time.monotonic)
     source: Inbox | None = None  # the source that has the place; after its end it stays here until another comes

@@ -195,8 +195,8 @@ SECTIONS = (
     Section(
         "startup", "How long does it take from nothing to the demo's first picture?",
         ("startup", "--runs", "3"),
-        "From the start of `farside demo` to the first picture in a real browser: with an empty cache, and once more "
-        "when everything has been made.",
+        "From the start of `farside demo` to the first picture in a real browser: with an empty cache, once more when "
+        "everything has been made, and where only the kernels are there, as in a container or a wheel of `.ci/wheel`.",
     ),
     Section(
         "compile", "How much work is compiling?",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 import statistics
 import subprocess
@@ -45,27 +46,31 @@ def command(
     runs: Annotated[int, typer.Option(min=1, help="Runs, of which the medians are told.")] = 3,
     browser: Annotated[Path, typer.Option(help="A chromium.")] = Path("/usr/bin/chromium"),
 ) -> None:
-    """Start the demo in an empty cache and once more, look at it with a real browser, and tell the times."""
+    """Start the demo in an empty cache, once more, and with kernels alone, as a wheel or a container brings them; look
+    at it with a real browser, and tell the times."""
     if not browser.is_file():
         raise ValueError(f"--browser: {browser}: expected a chromium")
-    first, second = list[Startup](), list[Startup]()
+    first, second, warm = list[Startup](), list[Startup](), list[Startup]()
     console = Console(stderr=True)
     for run in range(runs):
         console.print(f"run {run + 1} of {runs}: this takes minutes", highlight=False)
         with tempfile.TemporaryDirectory() as cache:
             first.append(measure_start(Path(cache), browser))
             second.append(measure_start(Path(cache), browser))
+            for twin in Path(cache).rglob("museum-*"):
+                shutil.rmtree(twin)
+            warm.append(measure_start(Path(cache), browser, whole=False))
     table = Table(title=f"from nothing to a picture, medians of {runs}")
-    for column in ("seconds until", "empty cache", "second start"):
+    for column in ("seconds until", "empty cache", "second start", "kernels alone"):
         table.add_column(column, justify="left" if column == "seconds until" else "right")
     for name, title in (
         ("address", "the address is printed"), ("progress", "the page shows progress that moves"),
         ("picture", "the first picture"), ("cpu", "(CPU seconds of all processes until then)"),
     ):  # fmt: skip
-        table.add_row(title, *(_median(getattr(start, name) for start in starts) for starts in (first, second)))
+        table.add_row(title, *(_median(getattr(start, name) for start in starts) for starts in (first, second, warm)))
     for title, arguments in (("farside --help", ["--help"]), ("farside info", ["info", "."])):
         spent = statistics.median(_answer_s(arguments) for _ in range(5))
-        table.add_row(f"{title} has ended", "", f"{spent:.2f}")
+        table.add_row(f"{title} has ended", "", f"{spent:.2f}", "")
     Console(width=100).print(table)
 
 
@@ -73,8 +78,9 @@ def _median(seconds: Iterable[float]) -> str:
     return f"{statistics.median(seconds):.1f}"
 
 
-def measure_start(cache: Path, browser: Path) -> Startup:
-    """Start the demo with a cache folder, and watch it until the first picture; needs playwright."""
+def measure_start(cache: Path, browser: Path, *, whole: bool = True) -> Startup:
+    """Start the demo with a cache folder, and watch it until the first picture; needs playwright. whole: it goes on
+    until the whole sequence and all kernels are there."""
     from playwright.sync_api import sync_playwright
 
     environment = {**os.environ, "XDG_CACHE_HOME": str(cache)}
@@ -90,7 +96,8 @@ def measure_start(cache: Path, browser: Path) -> Startup:
             at_progress = time.monotonic() - started
             page.wait_for_function("() => globalThis.farside?.seen > 0", timeout=_HANG_MS)
             at_picture, cpu = time.monotonic() - started, cpu_of_tree_s(os.getpid()) - cpu_before
-            _wait_for_all(address, cache)
+            if whole:
+                _wait_for_all(address, cache)
         window.close()
     return Startup(at_address, at_progress, at_picture, cpu)
 

@@ -74,11 +74,13 @@ class Compiling:
 
     def start(self) -> None:
         """Start the processes, unless a note says that nothing is missing, or no kernel could be kept for others."""
-        if base_folder() is None:
-            self._done.update(self._numbers)
-        for use in self._uses:
-            if any(map(_is_true, _notes(use))):
-                self._done.update(needed_for([use]))
+        with self._condition:
+            if base_folder() is None:
+                self._done.update(self._numbers)
+            for use in self._uses:
+                if any(map(_is_true, _notes(use))):
+                    self._done.update(needed_for([use]))
+            self._condition.notify_all()
         self._left = [number for number in self._numbers if number not in self._done]
         count = min(self._workers, len(self._left))
         self._threads = [threading.Thread(target=self._work, daemon=True) for _ in range(count)]

@@ -65,7 +65,7 @@ async function tellProgress(socket) {
     if (state.socket !== socket || state.seen > 0) return;
     const { first_ready: ready, first_of: of } = status?.kernels ?? { first_ready: 0, first_of: 0 };
     if (ready < of) say(`compiling kernels for the first picture: ${ready} of ${of} (the first time only)`);
-    else say(status?.source_connected ? "waiting for the first picture" : status?.preparing || "waiting for a source");
+    else say(status?.preparing || (status?.source_connected ? "waiting for the first picture" : "waiting for a source"));
     await new Promise((resolve) => setTimeout(resolve, PROGRESS_MS));
   }
 }

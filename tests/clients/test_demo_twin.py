@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from farside.clients.demo_twin import DemoTwin
+from farside.clients.demo_twin import FIRST_VIEWS, DemoTwin
 from farside.engine.io.recording import open_recording
 from farside.engine.io.whole_sequence import hidden_folder
 from farside.engine.synth import write_twin
@@ -42,9 +42,10 @@ def test_frames_can_be_read_while_others_are_made(tmp_path: Path) -> None:
 
     async def play() -> list[int]:
         twin.start()
-        await twin.wait_for_first_views()
-        early = twin.frame(0)
-        assert len(early.there) >= 8
+        await twin.wait_for_cameras()
+        assert len(twin.source_names) == 24
+        early = await asyncio.to_thread(twin.frame, 0)  # it waits
+        assert len(early.there) >= FIRST_VIEWS
         assert {str(fault) for fault in early.faults.values()} <= {"not made yet"}
         seen = await _until_whole(twin)
         whole = open_recording(twin.folder)
@@ -133,6 +134,29 @@ def test_two_demos_share_a_twin_and_the_second_goes_on_alone(tmp_path: Path) -> 
     finally:
         second.stop()
     assert not list(tmp_path.iterdir())
+
+
+def test_who_waits_for_a_first_frame_of_one_that_is_stopped_is_told(tmp_path: Path) -> None:
+    twin = DemoTwin(tmp_path / "museum", SCALE, 10_000)
+
+    async def play() -> None:
+        twin.start()
+        await twin.wait_for_cameras()
+        twin.pause()
+        if twin.first_views >= FIRST_VIEWS:  # it was faster than this test
+            twin.go_on()
+            return
+        waiting = asyncio.create_task(asyncio.to_thread(twin.frame, 0))
+        await asyncio.sleep(0.3)
+        assert not waiting.done()
+        twin.stop()
+        with pytest.raises(OSError, match="expected to be made: stopped"):
+            await waiting
+
+    try:
+        asyncio.run(asyncio.wait_for(play(), HANG_S))
+    finally:
+        twin.stop()
 
 
 def test_what_keeps_it_from_being_made_is_told(tmp_path: Path) -> None:
