@@ -31,18 +31,13 @@ from rich.progress import Progress
 
 from .effects import read_effects
 from .kernels import compile_shown
+from .model_options import CullStale, Light, MiddleLayers, ViewingSpace
 from .moving import Moving, pose_files
 
 __all__ = ["command"]
 
 Tolerance = Annotated[
     float | None, typer.Option(help="Largest triangulation error in pixels; 0: two triangles for each pixel.")
-]
-ViewingSpace = Annotated[
-    tuple[float, float, float, float] | None,
-    typer.Option(
-        metavar="X Y Z R", help="Ball in which heads stay, metres: background that cannot be seen from it is not kept."
-    ),
 ]
 Exposure = Annotated[
     float | None,
@@ -91,6 +86,9 @@ def command(
     tolerance: Tolerance = None,
     delta: Annotated[float | None, typer.Option(help="Culling tolerance, metres (in the paper: 0.2).")] = None,
     viewing_space: ViewingSpace = None,
+    light: Light = None,
+    cull_stale: CullStale = None,
+    middle_layers: MiddleLayers = None,
     seed_model: SeedModel = None,
     exposure: Exposure = None,
     output_scale: OutputScale = None,
@@ -110,6 +108,7 @@ def command(
         "n_render": views, "n_init": init, "n_update": update, "tolerance_px": tolerance, "delta_m": delta,
         "viewing_space": viewing_space, "exposure_s": exposure, "update_interval": update_interval,
         "output_scale": output_scale, "draw_moving": draw_moving, "fill": None if fill else "none",
+        "light_s": light, "cull_stale": cull_stale, "middle_layers": middle_layers,
     }  # fmt: skip
     changes = {name: value for name, value in given.items() if value is not None}
     settings = Settings.preset(quality, background=background, **changes)

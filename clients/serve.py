@@ -18,6 +18,7 @@ from pydantic import ValidationError
 
 from .ending import set_patience
 from .listening import addresses_of, listen
+from .model_options import CullStale, Light, MiddleLayers, ViewingSpace
 
 __all__ = ["command", "server_settings", "stop_within", "tell_variables"]
 
@@ -100,13 +101,10 @@ def command(
     draw_moving: Annotated[
         bool | None, typer.Option(help="Draw the views of moving cameras, too; else they only update the model.")
     ] = None,
-    viewing_space: Annotated[
-        tuple[float, float, float, float] | None,
-        typer.Option(
-            metavar="X Y Z R",
-            help="Ball in which heads stay, metres: background that cannot be seen from it is not kept.",
-        ),
-    ] = None,
+    viewing_space: ViewingSpace = None,
+    light: Light = None,
+    cull_stale: CullStale = None,
+    middle_layers: MiddleLayers = None,
     model: Annotated[
         str | None,
         typer.Option(
@@ -140,7 +138,8 @@ def command(
         allowed_origins=_joined(allow_origin), ssl_certfile=ssl_certfile, ssl_keyfile=ssl_keyfile,
         quality=quality, views=views, init=init, update=update,
         update_interval=update_interval, output_scale=output_scale, jpeg_quality=jpeg_quality, background=background,
-        draw_moving=draw_moving, viewing_space=viewing_space, model=model, save_interval_s=save_interval_s,
+        draw_moving=draw_moving, viewing_space=viewing_space, light=light, cull_stale=cull_stale,
+        middle_layers=middle_layers, model=model, save_interval_s=save_interval_s,
         seed_model=seed_model, target_fps=target_fps, longest_update_s=longest_update_s,
         max_viewers=max_viewers, log_level=log_level,
     )  # fmt: skip

@@ -155,6 +155,7 @@ class Settings:
     @classmethod
     def preset(cls, quality: str = "balanced", **changes: object) -> Settings:
         """The settings of a quality (fast, balanced, best) or of the paper (`Settings.paper`), with `changes` applied.
+        A number of `middle_layers` brings `cull_stale` with it, unless that is given.
 
         Raises ValueError for an unknown quality or a change out of range, TypeError for an unknown setting.
         """
@@ -166,7 +167,8 @@ class Settings:
         }
         if quality not in presets:
             raise ValueError(f"quality: {quality!r}: expected one of {', '.join(PRESETS)}")
-        return replace(presets[quality], **changes)  # type: ignore[arg-type]
+        brought = {"cull_stale": True} if changes.get("middle_layers") else {}
+        return replace(presets[quality], **(brought | changes))  # type: ignore[arg-type]
 
     @classmethod
     def paper(cls) -> Settings:

@@ -111,6 +111,11 @@ class ServerSettings(BaseModel):
     background: Annotated[bool, Field(description="true or false")] = True
     draw_moving: Annotated[bool | None, Field(description="true or false")] = None  # views of cameras that move
     viewing_space: Annotated[_Ball, Field(description="x, y, z and a radius of 0 or more, metres")] = None
+    light: Annotated[
+        float | None, Field(ge=0, allow_inf_nan=False, description="a time constant, 0 or more seconds")
+    ] = None  # light_s
+    cull_stale: Annotated[bool | None, Field(description="true or false")] = None
+    middle_layers: Annotated[int | None, _count(0, "a number of triangles, 0 or more")] = None
     model: Annotated[str, Field(description="a file in a folder that exists")] = ""  # of the model; empty: none is kept
     save_interval_s: Annotated[float, _seconds("the time between two savings of the model")] = 60.0
     seed_model: Annotated[str, Field(description="a file, a saved model or GLB")] = ""
@@ -232,5 +237,8 @@ class ServerSettings(BaseModel):
             "background": self.background,
             "draw_moving": self.draw_moving,
             "viewing_space": self.viewing_space,
+            "light_s": self.light,
+            "cull_stale": self.cull_stale,
+            "middle_layers": self.middle_layers,
         }
         return {name: value for name, value in given.items() if value is not None}

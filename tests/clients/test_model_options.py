@@ -1,0 +1,43 @@
+"""`--light`, `--cull-stale` and `--middle-layers`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from farside.clients.cli import app
+from farside.engine.settings import Settings
+from farside.engine.synth import write_twin
+from farside.server.settings import ServerSettings
+from typer.testing import CliRunner
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, (0.0, False, 0)),
+        ({"light": 1.5}, (1.5, False, 0)),
+        ({"cull_stale": True}, (0.0, True, 0)),
+        ({"middle_layers": 1000}, (0.0, True, 1000)),
+        ({"middle_layers": 0, "cull_stale": False}, (0.0, False, 0)),
+    ],
+)
+def test_the_server_takes_them(given: dict[str, object], expected: tuple[float, bool, int]) -> None:
+    settings = ServerSettings(**given).engine()
+    assert (settings.light_s, settings.cull_stale, settings.middle_layers) == expected
+
+
+def test_middle_layers_with_stale_surfaces_are_refused() -> None:
+    with pytest.raises(ValueError, match="middle_layers: 5: expected 0 where cull_stale is False"):
+        Settings.preset("balanced", middle_layers=5, cull_stale=False)
+
+
+def test_pictures_are_rendered_with_them(tmp_path: Path) -> None:
+    write_twin("museum", tmp_path / "Museum", 0.03, frames=3)
+    report = tmp_path / "report.json"
+    arguments = ["render", str(tmp_path / "Museum"), "--out", str(tmp_path), "--camera", "t0", "--report", str(report)]
+    done = CliRunner().invoke(app, [*arguments, "--light", "0.5", "--middle-layers", "500"])
+    assert done.exit_code == 0, done.output
+    settings = json.loads(report.read_text())["settings"]
+    assert (settings["light_s"], settings["cull_stale"], settings["middle_layers"]) == (0.5, True, 500)
