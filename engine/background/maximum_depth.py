@@ -120,15 +120,15 @@ class MaximumDepthImage:
             self.fused, self._rules, np.asarray(tone), self._number,
         )  # fmt: skip
 
-    def follow_light(self, view: View, tone: npt.ArrayLike, share: float, *, total: float, first: int = 0) -> None:
+    def follow_light(self, view: View, tone: npt.ArrayLike, share: float, *, first: int = 0) -> None:
         """Moves colours by `share` of the way to those of the view that `update` took, where the light has changed and
-        both show the same surface; others change as those round them (`light`). Each call covers one of PHASES groups
-        of rows, the first call number `first`. `total`: as in `light.FollowedLight.follow`."""
+        both show the same surface (`light`). Each call covers one of PHASES groups of rows, the first call number
+        `first`."""
         if self._light is None:
             self._light = FollowedLight(self.codes.shape, first)
         self._light.follow(
             Picture(view.codes, *_planes(view.texture)), Picture(self.codes, *_planes(self.texture)), self.flags,
-            self._rules, np.asarray(tone), share, total,
+            self._rules, np.asarray(tone), share,
         )  # fmt: skip
 
     @property

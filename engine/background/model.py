@@ -16,7 +16,6 @@ import numpy as np
 
 from ..geometry.completion import trusted
 from ..geometry.prepared_view import ViewTable
-from ..kernels.background.fusion import COLOUR_FRAMES
 from ..kernels.background.maximum_depth import PHASES
 from ..kernels.base.tone import IDENTITY
 from ..rig.frame import Frame, View
@@ -187,11 +186,10 @@ class BackgroundModel(ModelParts):
             return
         rounds_s = PHASES * _LIGHT_TURNS * self.settings.update_interval * elapsed_s
         share = -math.expm1(-rounds_s / time_s)
-        fused = (1.0 - 1.0 / COLOUR_FRAMES) ** _LIGHT_TURNS if self.tolerances.noise else 1.0
         for c in self._rig.still():
             if c in seen and (c + turn) % _LIGHT_TURNS == 0:
                 image = self._captures.current[c].image
-                image.follow_light(frame.views[c], tones[c], share, total=1.0 - (1.0 - share) * fused, first=c)
+                image.follow_light(frame.views[c], tones[c], share, first=c)
 
     def _follow(self, c: int, view: View, tone: F64, report: UpdateReport) -> None:
         """The turn of a reference camera that has moved since its last turn (section 4.2)."""

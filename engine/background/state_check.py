@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..kernels.background.directions import COLUMNS, ROWS
-from ..kernels.background.light import CHANGE_SIZE, SUMS_SIZE
+from ..kernels.background.light import SUMS_SIZE
 from ..rig.camera import Camera
 from ..settings import Settings
 from .atlas import Atlas
@@ -153,8 +153,7 @@ def _check_capture(capture: CaptureState, name: str, cameras: Sequence[Camera]) 
 
 
 def _check_light(light: LightState, name: str, cells: tuple[int, ...]) -> None:
-    sizes = {"sums": (SUMS_SIZE,), "active": (), "waiting": (CHANGE_SIZE,), "known": (), "change": (CHANGE_SIZE,)}
-    for field, size in sizes.items():
+    for field, size in (("sums", (SUMS_SIZE,)), ("active", ())):
         array = getattr(light, field)
         _shape(f"{name}.{field}", array, (*cells, *size))
         _expect(bool(np.isfinite(array).all()), f"{name}.{field}", "a number that is not finite", "finite numbers")

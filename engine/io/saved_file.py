@@ -22,7 +22,7 @@ __all__ = [
     "write_saved",
 ]  # fmt: skip
 
-VERSION = 4  # of the records
+VERSION = 5  # of the records
 
 Scalar = int | float | str | bool | tuple[float, ...] | None
 

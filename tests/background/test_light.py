@@ -1,4 +1,4 @@
-"""Colours of maximum depth images follow the light: where the camera sees a surface, and where someone hides it."""
+"""Colours of maximum depth images follow the light where the camera sees a surface."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from farside.engine.background.state_check import check_model
 from farside.engine.background.tolerances import Tolerances
 from farside.engine.geometry.scene_scale import Scene
 from farside.engine.kernels.background.flags import PROVISIONAL
-from farside.engine.kernels.background.light import CHANGE_SIZE, SUMS_SIZE, Cells, follow_light
+from farside.engine.kernels.background.light import CELL, SUMS_SIZE, Cells, follow_light
 from farside.engine.kernels.background.maximum_depth import PHASES
 from farside.engine.kernels.background.picture import Picture
 from farside.engine.kernels.base.tone import IDENTITY
@@ -76,16 +76,16 @@ def behind(view, x0, x1, y0=40, y1=120):
 def plays(image, views, share=SHARE):
     for view in views:
         image.update(view, whole=False)
-        image.follow_light(view, IDENTITY, share, total=share)
+        image.follow_light(view, IDENTITY, share)
 
 
 def planes_of(image):
+    """Planes of a maximum depth image, or of a view."""
     return [plane.astype(float) for plane in (image.texture.y, image.texture.cb, image.texture.cr)]
 
 
 @pytest.mark.parametrize("size", [(150, 70), (33, 7), (64, 2), (4, 4)])
-@pytest.mark.parametrize("due", [False, True])
-def test_colours_and_sums_are_those_of_the_slow_twin(size, due):
+def test_colours_and_sums_are_those_of_the_slow_twin(size):
     w, h = size
     rng, camera = np.random.default_rng(w), camera_of(size)
     near = rng.random((h, w)) < 0.1
@@ -100,7 +100,7 @@ def test_colours_and_sums_are_those_of_the_slow_twin(size, due):
     moved = np.where(rng.random((h, w)) < 0.2, rng.integers(0, 65535, (h, w)), codes + rng.integers(-1, 2, (h, w)))
     new = View(camera, texture(), moved.astype(np.uint16))
     tone = np.array([1.1, -9.0, 0.9, 0.02, 40.0, 1.05, -0.01, -20.0])
-    change = rng.uniform(0.8, 1.2, (-(-h // 32), -(-w // 32), CHANGE_SIZE)) - (0.0, 1.0, 1.0)
+    cells = -(-h // CELL), -(-w // CELL)
     known = [plane.copy() for plane in (image.texture.y, image.texture.cb, image.texture.cr)]
     margins = CODING, TOLERANCES.margin_m, TOLERANCES.margin_disparity(CODING)
     provisional = image.flags & PROVISIONAL != 0
@@ -108,16 +108,16 @@ def test_colours_and_sums_are_those_of_the_slow_twin(size, due):
     assert 0 < same.mean() < 1
     seen = new.texture.y, new.texture.cb, new.texture.cr
     errors = []
-    active = (rng.random(change.shape[:2]) < 0.6).astype(np.uint8)
+    active = (rng.random(cells) < 0.6).astype(np.uint8)
     for number in range(PHASES):
-        sums = np.zeros((*change.shape[:2], SUMS_SIZE))
+        sums = np.zeros((*cells, SUMS_SIZE))
         before = [plane.copy() for plane in (image.texture.y, image.texture.cb, image.texture.cr)]
         follow_light(
             Picture(new.codes, *seen), Picture(image.codes, image.texture.y, image.texture.cb, image.texture.cr),
             image.flags, image._rules, tone, number, 3, SHARE,
-            Cells(active, due, change, sums),
+            Cells(active, sums),
         )  # fmt: skip
-        expected, wanted = follow(seen, before, same, tone, number, SHARE, active, number == 3, change if due else None)
+        expected, wanted = follow(seen, before, same, tone, number, SHARE, active, number == 3)
         np.testing.assert_allclose(sums, wanted, rtol=1e-9, atol=1e-6)
         for found, value in zip((image.texture.y, image.texture.cb, image.texture.cr), expected, strict=True):
             assert np.abs(found - value).max() <= 1.001
@@ -126,10 +126,10 @@ def test_colours_and_sums_are_those_of_the_slow_twin(size, due):
     off = off[off != 0]
     assert len(off) < 50 or abs(off.mean()) < 4 * off.std() / math.sqrt(len(off)) + 0.01
     touched = [np.mean(now != then) for now, then in zip(planes_of(image), known, strict=True)]
-    assert min(touched) > 0 or h < 2 * PHASES or not (due or active.any())
+    assert min(touched) > 0 or h < 2 * PHASES or not active.any()
 
 
-def test_light_is_followed_where_it_is_seen_and_where_someone_hides_it():
+def test_light_is_followed_where_it_is_seen_and_at_once_when_someone_leaves():
     view = wall()
     image = image_of(behind(view, 0, 0))
     across = np.linspace(0.5, 1.0, SIZE[0])[None, :].repeat(SIZE[1], 0)
@@ -137,18 +137,17 @@ def test_light_is_followed_where_it_is_seen_and_where_someone_hides_it():
         done = min(index / (8 * PHASES), 1.0)
         now = lit(view, 1.0 + done * (across - 1.0), blue=-0.06 * done, red=0.04 * done)
         plays(image, [behind(now, 90, 170)])
-    wanted = [plane.astype(float) for plane in (lambda t: (t.y, t.cb, t.cr))(lit(view, across, -0.06, 0.04).texture)]
-    stale = [plane.astype(float) for plane in (view.texture.y, view.texture.cb, view.texture.cr)]
-    for found, plane, old, limit in zip(planes_of(image), wanted, stale, (8.0, 3.0, 3.0), strict=True):
+    wanted, stale = planes_of(lit(view, across, -0.06, 0.04)), planes_of(view)
+    for found, plane, old in zip(planes_of(image), wanted, stale, strict=True):
         step = SIZE[0] // plane.shape[1]
-        hidden = np.zeros(plane.shape, bool)
+        hidden, wide = np.zeros(plane.shape, bool), np.zeros(plane.shape, bool)
         hidden[40 // step : 120 // step, 90 // step : 170 // step] = True
-        wide = np.zeros(plane.shape, bool)
         wide[36 // step : 124 // step, 86 // step : 174 // step] = True
-        off = found - plane
-        assert np.abs(off[~wide]).max() <= 3.0
-        assert np.sqrt(np.mean(off[hidden] ** 2)) < limit
-        assert np.sqrt(np.mean((old - plane)[hidden] ** 2)) > 3 * limit
+        assert np.abs(found - plane)[~wide].max() <= 3.0
+        np.testing.assert_array_equal(found[hidden], old[hidden])
+    plays(image, [now] * (20 * PHASES))
+    for found, plane in zip(planes_of(image), wanted, strict=True):
+        assert np.abs(found - plane).max() <= 4.0
 
 
 def test_noise_changes_nothing():
@@ -168,8 +167,6 @@ def test_noise_is_averaged_while_light_changes():
     off = image.texture.y[:, :80].astype(float) - lit(view, 0.6).texture.y[:, :80]
     assert abs(off.mean()) < 0.5
     assert np.sqrt(np.mean(off**2)) == pytest.approx(6.0 * math.sqrt(SHARE / (2 - SHARE)), rel=0.15)
-    hidden = image.texture.y[60:100, 110:150].astype(float) - lit(view, 0.6).texture.y[60:100, 110:150]
-    assert abs(hidden.mean()) < 6
 
 
 def test_a_steady_view_changes_nothing():
@@ -191,61 +188,28 @@ def test_a_shadow_that_has_passed_is_soon_forgotten():
     plays(image, [behind(view, 120, 150)] * (16 * PHASES))
     off = image.texture.y.astype(float) - view.texture.y
     assert np.abs(off[:, 100:110]).max() <= 4  # 0.75 ** 16 of it is left, and the rounding
-    assert np.sqrt(np.mean(off[44:116, 122:148] ** 2)) < 8  # where someone stood in it
+    np.testing.assert_array_equal(off[44:116, 122:148], 0)  # where someone stood in it
 
 
-def test_a_screen_beside_someone_tells_nothing_of_light():
-    view = wall()
-    image = image_of(view)
-    hidden = image.texture.y[60:100, 110:150].copy()
-    for seed in range(1, 30):
-        screen = np.random.default_rng(seed).integers(100, 900, (20, 32)).repeat(8, 0).repeat(8, 1)
-        y = view.texture.y.copy()
-        y[:, 64:90], y[:, 170:192] = screen[:, 64:90], screen[:, 170:192] // 2
-        other = dataclasses.replace(view, texture=Texture(y, view.texture.cb, view.texture.cr))
-        plays(image, [behind(other, 90, 170)] * 3)
-    assert np.abs(image.texture.y[60:100, 110:150].astype(float) - hidden).mean() < 4
-
-
-def test_changes_spread_from_the_nearest_cells():
-    change = np.zeros((3, 5, CHANGE_SIZE))
-    change[..., 0] = 1.0
-    change[1, 0, 0], change[1, 4, 0] = 0.5, 2.0
-    known = np.zeros((3, 5), bool)
-    known[1, 0] = known[1, 4] = True
-    spread = light._spread(change, known)[..., 0]
-    np.testing.assert_allclose(spread[:, :2], 0.5)
-    np.testing.assert_allclose(spread[:, 3:], 2.0)
-    np.testing.assert_allclose(spread[:, 2], 1.25)
-    np.testing.assert_array_equal(light._spread(change, np.zeros((3, 5), bool))[..., 0], 1.0)
-
-
-def test_one_change_after_another_is_both():
-    rng = np.random.default_rng(0)
-    colours = rng.uniform(-200, 200, (50, 3))
-
-    def changed(values, change):
-        gain, *tints = change
-        return np.stack([gain * values[:, 0], *(gain * values[:, k + 1] + tints[k] * values[:, 0] for k in (0, 1))], -1)
-
-    first, second = rng.uniform(0.5, 1.5, (2, 3))
-    both = light._after(first[None, None], second[None, None])[0, 0]
-    np.testing.assert_allclose(changed(colours, both), changed(changed(colours, first), second))
-
-
-def frames_of(views, count):
+def frames_of(view, count):
     """Frames of cameras at the same place, in which someone walks by while the light fades."""
     for index in range(count):
-        now = lit(views, 1.0 - 0.5 * min(index / 40, 1.0))
+        now = lit(view, 1.0 - 0.5 * min(index / 40, 1.0))
         yield Frame(index, (behind(now, 40 + index, 90 + index),))
 
 
-def test_a_model_put_back_half_way_follows_the_light_bit_for_bit():
-    frames, settings = list(frames_of(wall(), 90)), Settings(light_s=0.5)
+def played(frames, settings):
+    """A model that has taken the frames, and its cameras."""
     cameras = [view.camera for view in frames[0].views]
     model = BackgroundModel(cameras, settings, Scene.of(cameras, settings, frames[0]))
-    for one in frames[:47]:
+    for one in frames:
         model.update(one, elapsed_s=1 / 30)
+    return model, cameras
+
+
+def test_a_model_put_back_half_way_follows_the_light_bit_for_bit():
+    frames = list(frames_of(wall(), 90))
+    model, _cameras = played(frames[:47], Settings(light_s=0.5))
     other = BackgroundModel.from_state(model.state())
     for one in frames[47:]:
         model.update(one, elapsed_s=1 / 30)
@@ -260,31 +224,22 @@ def test_a_model_put_back_half_way_follows_the_light_bit_for_bit():
 
 
 def test_colours_stay_as_they_are_without_a_time_constant():
-    frames, settings = list(frames_of(wall(), 30)), Settings(light_s=0.0)
-    cameras = [view.camera for view in frames[0].views]
-    model = BackgroundModel(cameras, settings, Scene.of(cameras, settings, frames[0]))
-    for one in frames:
-        model.update(one, elapsed_s=1 / 30)
+    frames = list(frames_of(wall(), 30))
+    model, _cameras = played(frames, Settings(light_s=0.0))
     (capture,) = model.state().captures
     assert capture.light is None
     np.testing.assert_array_equal(capture.y[:30], frames[0].views[0].texture.y[:30])
 
 
 def test_a_state_of_other_cells_is_refused():
-    frames, settings = list(frames_of(wall(), 20)), Settings(light_s=0.5)
-    cameras = [view.camera for view in frames[0].views]
-    model = BackgroundModel(cameras, settings, Scene.of(cameras, settings, frames[0]))
-    for one in frames:
-        model.update(one, elapsed_s=1 / 30)
+    model, cameras = played(list(frames_of(wall(), 20)), Settings(light_s=0.5))
     state, rig = model.state(), [CameraState.of(camera) for camera in cameras]
     check_model(state, rig)
     (capture,) = state.captures
-    for field, value in (("sums", np.zeros((1, 1, SUMS_SIZE))), ("change", capture.light.change * np.nan)):
+    for field, value in (("sums", np.zeros((1, 1, SUMS_SIZE))), ("sums", capture.light.sums * np.nan)):
         damaged = dataclasses.replace(capture, light=dataclasses.replace(capture.light, **{field: value}))
         with pytest.raises(ValueError, match=rf"captures\[0\].light.{field}"):
             check_model(dataclasses.replace(state, captures=(damaged,)), rig)
-
-
 
 
 def test_a_negative_time_constant_is_refused_and_the_paper_follows_no_light():

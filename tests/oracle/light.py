@@ -25,56 +25,35 @@ def same_surface(new, codes, provisional, margins, edge):
     return same
 
 
-def interpolated(change, x, y):
-    """A change of cells [rows, columns, 3] at a place in the picture."""
-    rows, columns = change.shape[:2]
-    v, u = (np.clip(at / CELL - 0.5, 0, size - 1) for at, size in ((y, rows), (x, columns)))
-    top, left = min(int(v), max(rows - 2, 0)), min(int(u), max(columns - 2, 0))
-    low, right = min(top + 1, rows - 1), min(left + 1, columns - 1)
-    a, b = (change[row, left] * (1 - (u - left)) + change[row, right] * (u - left) for row in (top, low))
-    return a * (1 - (v - top)) + b * (v - top)
-
-
-def follow(new, known, same, tone, number, share, active, looks, change):
-    """The planes (y, cb, cr) that are expected on average, float, and the sums of cells [rows, columns, 10].
+def follow(new, known, same, tone, number, share, active, looks):
+    """The planes (y, cb, cr) that are expected on average, float, and the sums of cells [rows, columns, 4].
 
     new, known: planes (y, cb, cr). active [rows, columns]: the cells in which colours follow; `looks`: all cells
     are summed. tone: (gain, offset, gain, share of luma, offset, gain, share of luma, offset).
-    change: of the pixels that are not `same`; None: they stay.
     """
     h, w = known[0].shape
     planes = [np.array(plane, float) for plane in known]
     before = [plane.copy() for plane in planes]
-    sums = np.zeros((-(-h // CELL), -(-w // CELL), 10))
+    sums = np.zeros((-(-h // CELL), -(-w // CELL), 4))
     for row, column in np.ndindex((h + 1) // 2, (w + 1) // 2):
         if row % PHASES != number % PHASES:
             continue
         ys, xs = [2 * row, min(2 * row + 1, h - 1)], [2 * column, min(2 * column + 1, w - 1)]
         quad = np.ix_(ys, xs)
         raw = new[0][quad].mean()
-        seen = tone[0] * raw + tone[1] - 64
+        seen = tone[0] * raw + tone[1]
         chroma = [tone[2 + 3 * k] * new[1 + k][row, column] + tone[3 + 3 * k] * raw + tone[4 + 3 * k] for k in (0, 1)]
-        have = before[0][quad].mean() - 64
+        have = before[0][quad].mean()
         cell = 2 * row // CELL, 2 * column // CELL
         if same[quad].all() and (looks or active[cell]):
-            had = [before[1 + k][row, column] - 512 for k in (0, 1)]
             sampled = not active[cell] or column % 4 == row % 4
-            if sampled and max(seen, have) <= 920 - 64:
-                more = [1, seen, have, seen**2, seen * have, have**2, chroma[0] - 512, had[0], chroma[1] - 512, had[1]]
-                sums[cell] += more
+            if sampled and max(seen, have) <= 920:
+                sums[cell] += [1, seen - have, *(chroma[k] - before[1 + k][row, column] for k in (0, 1))]
             for k in (0, 1) if active[cell] else ():
                 code = np.floor(np.clip(chroma[k], 0, 1023) + 0.5)
                 planes[1 + k][row, column] += share * (code - before[1 + k][row, column])
-        if not same[quad].all() and change is not None:
-            gain, *tints = interpolated(change, 2 * column + 1, 2 * row + 1)
-            for k in (0, 1):
-                code = 512 + gain * (before[1 + k][row, column] - 512) + tints[k] * have
-                planes[1 + k][row, column] = np.clip(code, 0, 1023)
         for y, x in {(y, x) for y in ys for x in xs}:
             if same[y, x] and active[cell]:
                 luma = np.floor(np.clip(tone[0] * new[0][y, x] + tone[1], 0, 1023) + 0.5)
                 planes[0][y, x] += share * (luma - before[0][y, x])
-            elif not same[y, x] and change is not None:
-                gain = interpolated(change, x + 0.5, 2 * row + 1)[0]
-                planes[0][y, x] = np.clip(64 + gain * (before[0][y, x] - 64), 0, 1023)
     return planes, sums

@@ -105,16 +105,16 @@ def models() -> Named:
 
 def light() -> Named:
     """Colours of a maximum depth image that follow a darker view, someone before it: where it is active, and where it
-    is only compared; what is hidden changes."""
+    is only compared."""
     first, now = (seen_by(CAMERAS[1], 0, box, 0.0, gain) for box, gain in ((None, 1.0), (0.0, 0.7)))
     image = MaximumDepthImage(first, Tolerances(0.1, 0.02), 0.05)
     size = cells_of(first.codes.shape)
-    sums, change = np.zeros((*size, SUMS_SIZE)), np.tile((0.8, 0.02, -0.01), (*size, 1))
+    sums = np.zeros((*size, SUMS_SIZE))
     views = now, View(first.camera, image.texture, image.codes)
     pictures = [Picture(view.codes, view.texture.y, view.texture.cb, view.texture.cr) for view in views]
     active = (np.indices(size).sum(axis=0) % 2).astype(np.uint8)
     for number in range(PHASES):
-        cells = Cells(active, True, change, sums)
+        cells = Cells(active, sums)
         follow_light(*pictures, image.flags, image._rules, np.array(IDENTITY), number, 2, 0.25, cells)
     assert 0 < np.count_nonzero(image.texture.y != first.texture.y) < first.codes.size
     yield from (("sums", sums), ("y", image.texture.y), ("cb", image.texture.cb), ("cr", image.texture.cr))

@@ -1,9 +1,8 @@
 """Light that changes: the colours of a maximum depth image follow those of its camera's present view.
 
 The picture is divided into cells. In an active one, where the light changes, colours approach those of the view where
-that shows the surface of the maximum depth image. Elsewhere something hides the surface, or mixes with it; its colours
-change as those of visible surfaces around have changed. This is not in the paper, which leaves changes of lighting to
-future work (section 5).
+that shows the surface of the maximum depth image. This is not in the paper, which leaves changes of lighting to future
+work (section 5).
 """
 
 from __future__ import annotations
@@ -32,37 +31,26 @@ from .maximum_depth import PHASES
 from .nontrivial import Rules, margins_of, perhaps_farther
 from .picture import Picture
 
-__all__ = [
-    "BLACK", "BLUE", "BOTH", "CELL", "CHANGE_SIZE", "COUNT", "GAIN", "GREY", "KNOWN", "KNOWN_BLUE", "KNOWN_RED",
-    "KNOWN_SQUARED", "RED", "SEEN", "SEEN_BLUE", "SEEN_RED", "SEEN_SQUARED", "SUMS_SIZE", "Cells", "follow_light",
-]  # fmt: skip
+__all__ = ["BLUE", "CELL", "COUNT", "LUMA", "RED", "SUMS_SIZE", "Cells", "follow_light"]
 
 CELL = 32  # pixels: side of the cells by which changes of light are compared; a multiple of 2 * PHASES
-BLACK, GREY = 64.0, 512.0
+_BLACK = 64.0
 _SPARSE = 4  # one of this number of quads of an active cell is summed
 _ROOM = 2048  # more than the difference of any two codes
 _BRIGHTEST = 920.0  # luma above which a sensor may be clipped
-# Sums over the quads (2x2 pixels, which share a chroma sample) of a cell: their number, the view's luma and the image's
-# luma, squares and products of both; the chroma of both. Luma is relative to black, chroma to grey.
-(
-    COUNT, SEEN, KNOWN, SEEN_SQUARED, BOTH, KNOWN_SQUARED, SEEN_BLUE, KNOWN_BLUE, SEEN_RED, KNOWN_RED,
-) = range(10)  # fmt: skip
-SUMS_SIZE = 10
-# A change of light: the gain of luma and chroma, and the shares of the luma that blue and red chroma get as well.
-GAIN, BLUE, RED = range(3)
-CHANGE_SIZE = 3
+# Sums over the quads (2x2 pixels, which share a chroma sample) of a cell: their number, and by how much luma and both
+# chroma of the view are more than those of the image.
+COUNT, LUMA, BLUE, RED = range(4)
+SUMS_SIZE = 4
 
 
 class Cells(NamedTuple):
     """What is known of the light in the cells [rows, columns] of a picture.
 
-    active: not 0 where colours follow. due: whether pixels that do not show the image's surface get the changes now.
-    change [..., CHANGE_SIZE], sums [..., SUMS_SIZE].
+    active: not 0 where colours follow. sums [..., SUMS_SIZE].
     """
 
     active: U8
-    due: bool
-    change: F64
     sums: F64
 
 
@@ -95,12 +83,6 @@ def _step(old: np.int32, new: np.float32, share: np.float32, chance: np.float32)
     return np.int32(np.int32(moved) - np.int32(_ROOM))
 
 
-@inlined
-def _at_random(value: float, chance: float) -> int:
-    """A value rounded at random to a code."""
-    return int(min(max(value + chance, 0.0), LARGEST))
-
-
 @serial
 def _find_same(pair: int, new: U16, codes: U16, flags: U8, rules: Rules, highest: U16, same: U8) -> None:
     """same [2, w]: 1 in a pair of rows where the new view shows the image's surface, neither of both is farther by a
@@ -125,30 +107,6 @@ def _find_same(pair: int, new: U16, codes: U16, flags: U8, rules: Rules, highest
             out[x] = np.uint8((apart == 0) & free)
 
 
-@serial
-def _line_of(change: F64, pair: int, line: F64) -> None:
-    """line [columns, CHANGE_SIZE]: the changes of cells [rows, columns, CHANGE_SIZE], interpolated to a pair of
-    rows."""
-    rows = change.shape[0]
-    v = min(max((2 * pair + 1.0) / CELL - 0.5, 0.0), rows - 1.0)
-    above = min(int(v), max(rows - 2, 0))
-    below = min(above + 1, rows - 1)
-    share = v - above
-    for cell in range(line.shape[0]):
-        for k in range(CHANGE_SIZE):
-            line[cell, k] = (1.0 - share) * change[above, cell, k] + share * change[below, cell, k]
-
-
-@inlined
-def _of_line(line: F64, x: float, k: int) -> float:
-    """A change of a line, interpolated to a column of the picture."""
-    cells = line.shape[0]
-    u = min(max(x / CELL - 0.5, 0.0), cells - 1.0)
-    left = min(int(u), max(cells - 2, 0))
-    share = u - left
-    return (1.0 - share) * line[left, k] + share * line[min(left + 1, cells - 1), k]
-
-
 @inlined
 def _shows(same: U8, left: int, right: int) -> bool:
     """Whether all pixels of a quad are the same surface."""
@@ -166,20 +124,16 @@ def _sum_cell(
         left, right = 2 * column, min(2 * column + 1, w - 1)
         if not _shows(same, left, right):
             continue
-        raw, have = mean_luma(new.y, top, left), mean_luma(known.y, top, left) - BLACK
-        seen = tone[Y_GAIN] * raw + tone[Y_OFFSET] - BLACK
-        if max(seen, have) > _BRIGHTEST - BLACK:
+        raw, have = mean_luma(new.y, top, left), mean_luma(known.y, top, left)
+        seen = tone[Y_GAIN] * raw + tone[Y_OFFSET]
+        if max(seen, have) > _BRIGHTEST:
             continue
+        blue = tone[CB_GAIN] * new.cb[pair, column] + tone[CB_FROM_Y] * raw + tone[CB_OFFSET]
+        red = tone[CR_GAIN] * new.cr[pair, column] + tone[CR_FROM_Y] * raw + tone[CR_OFFSET]
         sums[COUNT] += 1.0
-        sums[SEEN] += seen
-        sums[KNOWN] += have
-        sums[SEEN_SQUARED] += seen * seen
-        sums[BOTH] += seen * have
-        sums[KNOWN_SQUARED] += have * have
-        sums[SEEN_BLUE] += tone[CB_GAIN] * new.cb[pair, column] + tone[CB_FROM_Y] * raw + tone[CB_OFFSET] - GREY
-        sums[KNOWN_BLUE] += known.cb[pair, column] - GREY
-        sums[SEEN_RED] += tone[CR_GAIN] * new.cr[pair, column] + tone[CR_FROM_Y] * raw + tone[CR_OFFSET] - GREY
-        sums[KNOWN_RED] += known.cr[pair, column] - GREY
+        sums[LUMA] += seen - have
+        sums[BLUE] += blue - known.cb[pair, column]
+        sums[RED] += red - known.cr[pair, column]
 
 
 @serial
@@ -215,31 +169,6 @@ def _follow_luma(row: int, begin: int, new: U16, y: U16, tone: F64, number: int,
 
 
 @serial
-def _change_chroma(pair: int, known: Picture, number: int, line: F64, same: U8) -> None:
-    """Chroma of a pair of rows changes by the line where the view does not show the surface."""
-    cb, cr, w, seed = known.cb, known.cr, known.y.shape[1], _seed(2 * pair, number + 1)
-    for column in range((w + 1) // 2):
-        left, right = 2 * column, min(2 * column + 1, w - 1)
-        if not _shows(same, left, right):
-            chance = _chance(column, seed)
-            luma, gain = mean_luma(known.y, 2 * pair, left) - BLACK, _of_line(line, left + 1.0, GAIN)
-            blue = gain * (cb[pair, column] - GREY) + _of_line(line, left + 1.0, BLUE) * luma
-            red = gain * (cr[pair, column] - GREY) + _of_line(line, left + 1.0, RED) * luma
-            cb[pair, column] = _at_random(GREY + blue, chance)
-            cr[pair, column] = _at_random(GREY + red, chance)
-
-
-@serial
-def _change_luma(row: int, y: U16, number: int, line: F64, same: U8) -> None:
-    """Luma of a row [w] changes by the line where the view does not show the surface."""
-    seed = _seed(row, number)
-    for x in range(y.shape[0]):
-        if same[x] == 0:
-            luma = BLACK + _of_line(line, x + 0.5, GAIN) * (y[x] - BLACK)
-            y[x] = _at_random(luma, _chance(x, seed))
-
-
-@serial
 def _follow_cell(
     pair: int, begin: int, new: Picture, known: Picture, tone: F64, number: int, share: float, same: U8
 ) -> None:
@@ -260,33 +189,25 @@ def follow_light(
     the way to those of the view.
 
     A call processes every PHASES-th pair of rows; `number` counts the calls. To the sums of active cells is added what
-    both showed before, in a sample of quads; to those of the others only when `number` is `look` modulo PHASES. If
-    changes are due, the pixels in all cells that do not show the surface get them, interpolated between the cells'
-    centres. Other arguments: see `update_maximum_depth`.
+    both showed before, in a sample of quads; to those of the others only when `number` is `look` modulo PHASES. Other
+    arguments: see `update_maximum_depth`.
     """
-    active, due, change, sums = light
+    active, sums = light
     h, w = known.codes.shape
     cells, looks = sums.shape[1], number % PHASES == look
     for band in numba.prange(sums.shape[0]):
-        busy = due or looks
+        busy = looks
         for cell in range(cells):
             busy |= active[band, cell] > 0
         if not busy:
             continue
-        highest, same, line = np.zeros(w + 2, np.uint16), np.empty((2, w), np.uint8), np.empty((cells, CHANGE_SIZE))
+        highest, same = np.zeros(w + 2, np.uint16), np.empty((2, w), np.uint8)
         begin, end = np.int64(band) * CELL // 2, min((np.int64(band) + 1) * CELL, h + 1) // 2
         for pair in range(begin + number % PHASES, end, PHASES):
             _find_same(pair, new.codes, known.codes, flags, rules, highest, same)
             for cell in range(cells):
                 if active[band, cell] > 0:
                     _sum_cell(pair, cell, _SPARSE, new, known, tone, same, sums[band, cell])
+                    _follow_cell(pair, cell * CELL, new, known, tone, number, share, same)
                 elif looks:
                     _sum_cell(pair, cell, 1, new, known, tone, same, sums[band, cell])
-            if due:
-                _line_of(change, pair, line)
-                _change_chroma(pair, known, number, line, same)
-                for row in range(2 * pair, min(2 * pair + 2, h)):
-                    _change_luma(row, known.y[row], number, line, same[row - 2 * pair])
-            for cell in range(cells):
-                if active[band, cell] > 0:
-                    _follow_cell(pair, cell * CELL, new, known, tone, number, share, same)
