@@ -16,8 +16,8 @@ from .surface import Surface
 __all__ = ["ProbableBackgroundSurface", "Surface"]
 
 # A surface of which at least this share of triangles is valid is not compacted: rays lose less time by passing through
-# the invalid ones than a new hierarchy takes to build.
-_DENSE = 0.9
+# the invalid ones than a new hierarchy takes to build. (With 7 % of them, rays take a fifth longer.)
+_DENSE = 0.98
 
 
 class ProbableBackgroundSurface:
@@ -36,7 +36,7 @@ class ProbableBackgroundSurface:
         self.progressive: dict[int, Surface] = {}
         self.lock = threading.RLock()
         self._camera_count = camera_count
-        self._changed: dict[int, Surface] = {}  # by geometry; since the last commit
+        self._changed: dict[int, tuple[Surface, bool]] = {}  # by geometry, and whether static; since the last commit
 
     def set_static(self, capture: int, camera: int, mesh: Mesh) -> Surface:
         """Sets a capture's part of the S-PBS, without marks."""
@@ -49,7 +49,7 @@ class ProbableBackgroundSurface:
     def put(self, surface: Surface, *, static: bool) -> Surface:
         """Sets a surface with its marks as its capture's surface in the S-PBS (`static`) or the P-PBS."""
         with self.lock:
-            self._changed[self._geometry(surface.capture, static)] = surface
+            self._changed[self._geometry(surface.capture, static)] = surface, static
             (self.static if static else self.progressive)[surface.capture] = surface
             self.version += 1
         return surface
@@ -61,7 +61,7 @@ class ProbableBackgroundSurface:
             if old is not None:
                 none = old.mesh.only(np.zeros(len(old.invalid), bool))
                 empty = Surface.new(none, self.words, old.camera, capture)
-                self._changed[self._geometry(capture, static=False)] = empty
+                self._changed[self._geometry(capture, static=False)] = empty, False
                 self.version += 1
 
     def move(self, capture: int, moved: Callable[[Mesh], F32]) -> None:
@@ -87,8 +87,8 @@ class ProbableBackgroundSurface:
         """Makes changes of geometry take effect for rays. The tracer changes here only, and while `lock` is held: other
         threads that hold it may cast rays."""
         with self.lock:
-            for geometry, surface in self._changed.items():
-                self.tracer.set(geometry, surface)
+            for geometry, (surface, static) in self._changed.items():
+                self.tracer.set(geometry, surface, lasting=static)
             self._changed.clear()
             self.tracer.commit()
 

@@ -53,8 +53,8 @@ class RayTracer(Protocol):
     def memory(self) -> int:
         """Bytes that the tracer keeps besides the arrays of the surfaces."""
 
-    def set(self, geometry: int, surface: Surface) -> None:
-        """Puts a surface under a number and removes the one that was there."""
+    def set(self, geometry: int, surface: Surface, *, lasting: bool) -> None:
+        """Puts a surface under a number and removes the one that was there. lasting: it will not be replaced soon."""
 
     def commit(self) -> None:
         """Makes changes of geometry take effect."""
@@ -134,10 +134,10 @@ class EmbreeTracer:
         """See `RayTracer`."""
         return self._scene.memory
 
-    def set(self, geometry: int, surface: Surface) -> None:
+    def set(self, geometry: int, surface: Surface, *, lasting: bool) -> None:
         """See `RayTracer`."""
         mesh, marks = surface.mesh, surface.marks
-        self._scene.set(geometry, mesh.points, mesh.triangles, surface.invalid)
+        self._scene.set(geometry, mesh.points, mesh.triangles, surface.invalid, lasting=lasting)
         if missing := max(geometry + 1 - len(self._surfaces), 0):
             self._surfaces = np.pad(self._surfaces, ((0, missing), (0, 0)))
             self._marks = np.pad(self._marks, ((0, missing), (0, 0)))

@@ -131,9 +131,9 @@ class Numbers(SlowTracer):
         super().__init__()
         self.taken = []
 
-    def set(self, geometry, surface):
+    def set(self, geometry, surface, *, lasting):
         self.taken.append(geometry)
-        super().set(geometry, surface)
+        super().set(geometry, surface, lasting=lasting)
 
 
 @pytest.mark.parametrize("cameras", [1, 3])

@@ -8,7 +8,7 @@ from farside.engine.background.pbs import ProbableBackgroundSurface
 from support.models import sheets
 
 
-@pytest.mark.parametrize("culled", [0.05, 0.5])
+@pytest.mark.parametrize("culled", [0.02, 0.5])
 def test_a_surface_is_compacted_where_much_of_it_is_culled(culled):
     pbs = ProbableBackgroundSurface(1)
     mesh = sheets(2)[0]

@@ -69,6 +69,22 @@ def cast(scene, camera, uv):
     return result
 
 
+@pytest.mark.parametrize("lasting", [False, True])
+def test_rays_meet_the_same_with_either_hierarchy(lasting):
+    points, triangles = height_field(40, 2.0)
+    scene, invalid = RayScene(), np.zeros(len(triangles), np.uint8)
+    invalid[::3] = 1
+    scene.set(0, points, triangles, invalid, lasting=lasting)
+    scene.commit()
+    camera = Camera("c", Perspective.from_fov(32, 32, 0.6), Pose(), CODING)
+    found = cast(scene, camera, np.random.default_rng(0).uniform(4, 28, (300, 2)))
+    other, flags = scene_of((points, triangles))
+    flags[0][:] = invalid
+    expected = cast(other, camera, np.random.default_rng(0).uniform(4, 28, (300, 2)))
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    assert 0.5 < (found[:, 0] > 0).mean() < 0.9
+
+
 def test_the_threading_layer_is_tbb():
     runtime.require_tbb()
     assert numba.threading_layer() == "tbb"

@@ -46,7 +46,7 @@ class SlowTracer:
         self._waiting, self._surfaces = {}, {}
         self.memory = 0
 
-    def set(self, geometry, surface):
+    def set(self, geometry, surface, *, lasting):
         self._waiting[geometry] = surface
 
     def commit(self):

@@ -187,7 +187,7 @@ def tracer_of(*meshes: Mesh) -> tuple[EmbreeTracer, list[Surface]]:
     """A ray tracer of meshes of one camera."""
     tracer, surfaces = EmbreeTracer(), [Surface.new(mesh, 1, 0, 0) for mesh in meshes]
     for number, surface in enumerate(surfaces):
-        tracer.set(number, surface)
+        tracer.set(number, surface, lasting=number % 2 == 0)
     tracer.commit()
     return tracer, surfaces
 
