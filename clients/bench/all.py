@@ -23,7 +23,7 @@ from rich.markup import escape
 
 from .sections import SECTIONS, Section, sized
 
-__all__ = ["Result", "command", "document", "measure_all"]
+__all__ = ["Kept", "Result", "command", "document", "measure_all"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +45,28 @@ class Result:
         return _folder(self.key, self.command, self.machine, self.commit)
 
 
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """The finished results in a folder; `earlier`: those of other commits count as well."""
+
+    folder: Path
+    earlier: bool = False
+
+    def of(self, section: Section) -> Result | None:
+        """The result of a section on this machine: of this commit, or else the newest."""
+        told, machine = _told(section), machine_name()
+        path = self.folder / _folder(section.key, told, machine, commit_name()) / "result.json"
+        if path.is_file():
+            return _result(path)
+        found = sorted(self.folder.glob(f"{section.key}-*/result.json"), key=lambda path: path.stat().st_mtime)
+        results = [_result(path) for path in found if self.earlier]
+        return next((each for each in reversed(results) if (each.command, each.machine) == (told, machine)), None)
+
+
+def _result(path: Path) -> Result:
+    return Result(**json.loads(path.read_text("utf-8")))
+
+
 def command(
     report: Annotated[Path, typer.Option(metavar="DIR", help="Folder for finished results and RESULTS.md.")],
     sequences: Annotated[
@@ -59,78 +81,82 @@ def command(
     results: Annotated[
         Path | None, typer.Option("--document", metavar="FILE.md", help="Also write the document to this file.")
     ] = None,
+    earlier: Annotated[
+        bool, typer.Option("--earlier", help="Where there is none of this commit, take results of earlier commits.")
+    ] = False,
 ) -> None:
     """Make every table and plot of the document of results (an hour and a half); finished results are kept.
 
-    A kept result is measured again when its command, the machine or the commit differs.
+    A kept result is measured again when its command, the machine or (without --earlier) the commit differs.
     """
     chosen = [sized(section, scale, frames) for section in _chosen(only)]
     failed: dict[str, str] = {}
-    paths = [report / "RESULTS.md", *([results] if results else [])]
-    for _ in measure_all(chosen, report, sequences, failed):  # after Ctrl-C there is a document of the finished part
+    paths, kept = [report / "RESULTS.md", *([results] if results else [])], Kept(report, earlier)
+    for _ in measure_all(chosen, kept, sequences, failed):  # after Ctrl-C there is a document of the finished part
         for path in paths:
-            write_document(path, chosen, report, failed)
+            write_document(path, chosen, kept, failed)
     print("\n".join(f"document: {path}" for path in paths))
     if failed:
         raise typer.Exit(1)
 
 
 def measure_all(
-    sections: Sequence[Section], folder: Path, sequences: Path | None, failed: dict[str, str]
+    sections: Sequence[Section], kept: Kept, sequences: Path | None, failed: dict[str, str]
 ) -> Iterator[None]:
-    """Run the sections that `folder` has no result of, one in each step; each result is saved at once.
+    """Run the sections that `kept` has no result of, one in each step; each result is saved at once.
 
     `sequences`: a folder of sequences with ground truth; if None, sections that need it fail. The reason why a section
     has no result is put into `failed`, by the section's key.
     """
     console = Console(stderr=True)
-    folder.mkdir(parents=True, exist_ok=True)
+    kept.folder.mkdir(parents=True, exist_ok=True)
     machine, commit = machine_name(), commit_name()
     for number, section in enumerate(sections):
         said = f"{number + 1} of {len(sections)}, {section.key}"
         if "sequences" in section.needs and sequences is None:
             failed[section.key] = "not measured: expected --sequences"
-        elif (path := folder / _folder(section.key, _told(section), machine, commit) / "result.json").is_file():
-            console.print(f"{said}: kept in {escape(str(path.parent))}")
+        elif (result := kept.of(section)) is not None:
+            console.print(f"{said}: kept in {escape(str(kept.folder / result.folder))}")
         else:
             console.print(f"{said}: [bold]{escape(_told(section))}[/]")
             try:
-                _measure(section, folder, sequences, machine, commit)
+                _measure(section, kept.folder, sequences, machine, commit)
             except (OSError, RuntimeError) as error:
                 failed[section.key] = str(error)
                 console.print(f"[red]failed[/] {escape(str(error))}")
         yield
 
 
-def write_document(path: Path, sections: Sequence[Section], folder: Path, failed: Mapping[str, str]) -> None:
-    """Write the document of the results in `folder` to a file. For a file elsewhere than in `folder`, the pictures are
+def write_document(path: Path, sections: Sequence[Section], kept: Kept, failed: Mapping[str, str]) -> None:
+    """Write the document of the kept results to a file. For a file elsewhere than in their folder, the pictures are
     copied to a folder `results` next to it."""
-    text = document(sections, folder, failed)
-    if path.parent.resolve() != folder.resolve():
+    text = document(sections, kept, failed)
+    if path.parent.resolve() != kept.folder.resolve():
         for section, picture in re.findall(r"^!\[(\w+)\]\((.+)\)$", text, re.MULTILINE):
             copy = Path("results") / f"{section}{Path(picture).suffix}"
             (path.parent / copy).parent.mkdir(exist_ok=True)
-            shutil.copyfile(folder / picture, path.parent / copy)
+            shutil.copyfile(kept.folder / picture, path.parent / copy)
             text = text.replace(f"]({picture})", f"]({copy})")
     path.write_text(text, "utf-8")
 
 
-def document(sections: Sequence[Section], folder: Path, failed: Mapping[str, str]) -> str:
+def document(sections: Sequence[Section], kept: Kept, failed: Mapping[str, str]) -> str:
     """The results of sections in Markdown: question, command, machine, commit, table, how to read it."""
-    machine, commit = machine_name(), commit_name()
+    commit = commit_name()
+    about = f"Machine: {machine_name()}. Commit: {commit}"
     lines = [
         "# Results", "",
         "Written by `farside bench all`; do not edit it. Every section names the command that repeats it.", "",
-        f"Machine: {machine}. Commit: {commit}.",
+        f"{about}, where a section does not name an earlier one." if kept.earlier else f"{about}.",
     ]  # fmt: skip
     for section in sections:
         lines += ["", f"## {section.question}", ""]
-        path = folder / _folder(section.key, _told(section), machine, commit) / "result.json"
-        if section.key in failed or not path.is_file():
+        result = kept.of(section)
+        if section.key in failed or result is None:
             lines += [f"`{_told(section)}`", "", f"No result: {failed.get(section.key, 'not measured yet')}."]
             continue
-        result = Result(**json.loads(path.read_text("utf-8")))
-        lines += [f"`{result.command}`, {result.date}, {result.seconds:.0f} s", "", section.reading, "", "```text"]
+        when = f"{result.date}, {result.seconds:.0f} s" + (f", {result.commit}" if result.commit != commit else "")
+        lines += [f"`{result.command}`, {when}", "", section.reading, "", "```text"]
         lines += [*map(str.rstrip, result.output.rstrip().splitlines()), "```"]
         pictures = [name for name in result.files if name.endswith(".png")]
         lines += [line for name in pictures[:1] for line in ("", f"![{section.key}]({result.folder}/{name})")]

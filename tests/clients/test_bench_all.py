@@ -92,6 +92,24 @@ def test_what_is_finished_is_kept(runs: FakeRuns, tmp_path: Path, monkeypatch: p
     assert runs.measured[4:] == ["ghosts", "ghosts"]
 
 
+def test_results_of_earlier_commits_count_if_wanted_and_are_called_so(
+    runs: FakeRuns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command(tmp_path, only=ONLY, scale=0.05, frames=2)
+    monkeypatch.setattr(module, "commit_name", lambda: "def456")
+    command(tmp_path, only="ghosts", scale=0.05, frames=2)
+    command(tmp_path, only=ONLY, scale=0.05, frames=2, earlier=True)
+    assert runs.measured == ["exposure", "sparse", "ghosts", "ghosts"]
+    text = (tmp_path / "RESULTS.md").read_text()
+    assert "Commit: def456, where a section does not name an earlier one." in text
+    told = [line for line in text.splitlines() if line.startswith("`farside")]
+    assert [line.endswith(", abc123") for line in told] == [True, True, False]
+    command(tmp_path, only="ghosts", scale=0.06, frames=2, earlier=True)  # another command
+    monkeypatch.setattr(module, "machine_name", lambda: "another machine")
+    command(tmp_path, only="ghosts", scale=0.06, frames=2, earlier=True)
+    assert runs.measured[4:] == ["ghosts", "ghosts"]
+
+
 def test_the_document_has_question_command_machine_commit_table_and_reading(runs: FakeRuns, tmp_path: Path) -> None:
     command(tmp_path, only=ONLY, scale=0.05, frames=2)
     text = (tmp_path / "RESULTS.md").read_text()
