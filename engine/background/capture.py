@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ..geometry.prepared_view import ViewTable
 from ..kernels.background import standing
 from ..kernels.background.captures import CAPTURE_SIZE, CB, CODES, CR, HEIGHT, WIDTH, WRAPS, Y, sample_colours
-from ..kernels.background.standing import FARTHEST
+from ..kernels.background.standing import FARTHEST, NOW
 from ..kernels.base.memory import address_of
 from ..rig.camera import Pose
 from ..rig.frame import Texture
@@ -63,7 +63,8 @@ class Remains:
     in one picture.
 
     number, camera: as in `Capture`. codes uint16 [h, w], texture: 10 bits, 4:2:0. edge: the step between codes that is
-    a depth edge; reach: pixels that are farther apart in a row or a column may belong to different parts.
+    a depth edge; reach: pixels that are farther apart in a row or a column may belong to different parts. late: of a
+    late layer (`late_layers`), not of older captures.
     """
 
     number: int
@@ -72,6 +73,7 @@ class Remains:
     texture: Texture
     edge: int
     reach: int
+    late: bool = False
 
     @property
     def memory(self) -> int:
@@ -210,4 +212,6 @@ class Present:
         views = self.views.views
         absent = [camera for camera in self.memory if not views[camera].view.there]
         rows = [self.views.rows, *(views[camera].camera_row()[None] for camera in absent)]
-        return standing.Present(self.near, np.concatenate(rows), np.concatenate([codes, codes[absent]]))
+        remembered = codes[absent]
+        remembered[:, NOW] = 0
+        return standing.Present(self.near, np.concatenate(rows), np.concatenate([codes, remembered]))

@@ -167,6 +167,11 @@ class MaximumDepthImage:
         return self.flags & np.uint8(KEPT)
 
     @property
+    def rules(self) -> Rules:
+        """The rules by which it compares codes, as kernels take them."""
+        return self._rules
+
+    @property
     def edge(self) -> int:
         """The step between codes that is a depth edge."""
         return self._edge

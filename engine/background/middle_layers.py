@@ -7,7 +7,8 @@ the mark of no camera (`seeding`), so rays do not ask for it again. It goes when
 more (`stale`).
 
 If there are more of them than the budget allows, those go first that cover the fewest pixels of the picture that they
-stem from: each triangle takes the same memory and time, and these show the least.
+stem from: each triangle takes the same memory and time, and these show the least. Late layers (`late_layers`) share
+the budget.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class MiddleLayers:
         self, pbs: ProbableBackgroundSurface, captures: Captures, cameras: ReferenceCameras,
         new_triangles: NewTriangles, budget: int,
     ) -> None:  # fmt: skip
-        self._pbs, self._captures, self._cameras, self._budget = pbs, captures, cameras, budget
+        self._pbs, self._captures, self._cameras, self.budget = pbs, captures, cameras, budget
         self._new_triangles = new_triangles
         self._word, self._bit = len(cameras) // 64, np.uint64(1 << (len(cameras) % 64))
         self._known: tuple[list[Capture], ViewTable] = [], ViewTable([])
@@ -45,7 +46,7 @@ class MiddleLayers:
     def keep(self, unmarked: Sequence[tuple[Surface, I64]], delta: Delta) -> list[tuple[Surface, I64]]:
         """Keeps those of the triangles without a mark, by surface, that no camera has ever seen past; returns the
         others."""
-        if self._budget == 0 or not any(len(triangles) for _surface, triangles in unmarked):
+        if self.budget == 0 or not any(len(triangles) for _surface, triangles in unmarked):
             return list(unmarked)
         table = self._farthest()
         codes = np.ascontiguousarray(table.addresses[:, 0])
@@ -57,7 +58,7 @@ class MiddleLayers:
             surface.marks[triangles[never != 0], self._word] |= self._bit
             left.append((surface, triangles[never == 0]))
             kept += int(np.count_nonzero(never))
-        return [*left, *self._beyond_budget()] if kept else left
+        return [*left, *self.beyond_budget()] if kept else left
 
     def _farthest(self) -> ViewTable:
         """The maximum depth images of the cameras that are where their current captures began, as views: they keep
@@ -71,13 +72,17 @@ class MiddleLayers:
             self._known = current, ViewTable(prepared)
         return self._known[1]
 
-    def _beyond_budget(self) -> list[tuple[Surface, I64]]:
-        """Takes their mark from the smallest middle layers beyond the budget, and returns them, by surface."""
+    def mark(self, surface: Surface) -> None:
+        """Gives all triangles of a surface the mark of no camera."""
+        surface.marks[:, self._word] |= self._bit
+
+    def beyond_budget(self) -> list[tuple[Surface, I64]]:
+        """Takes their mark from the smallest middle and late layers beyond the budget, and returns them, by surface."""
         held = [
             (surface, self._of(surface)) for surface in self._pbs.surfaces()
             if surface.capture not in self._captures.atlases
         ]  # fmt: skip
-        beyond = sum(len(triangles) for _surface, triangles in held) - self._budget
+        beyond = sum(len(triangles) for _surface, triangles in held) - self.budget
         if beyond <= 0:
             return []
         sizes = [_pixels(surface, triangles) for surface, triangles in held]
@@ -91,7 +96,9 @@ class MiddleLayers:
         return gone
 
     def _of(self, surface: Surface) -> I64:
-        """The valid triangles of a surface whose only mark is that of no camera."""
+        """The valid triangles of a surface whose only mark is that of no camera; of a late layer, all valid ones."""
+        if surface.late:
+            return np.flatnonzero(surface.invalid == 0)
         marks = surface.marks
         alone = (marks[:, self._word] == self._bit) & (np.count_nonzero(marks, axis=1) == 1)
         return np.flatnonzero(alone & (surface.invalid == 0))

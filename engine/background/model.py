@@ -2,8 +2,8 @@
 
 This module holds the order of the steps; each step has a module of its own. First frame (3.3.2): `s_pbs` (with
 `coverage` and `new_triangles`), `culling`. Later frames (3.3.3): `maximum_depth`, `p_pbs` (with `triangle_filter`
-and `new_triangles`), `culling`. Cameras that move (4.2): `newly_visible`, `older_captures`. For each viewer (3.4.1):
-`pbi`.
+and `new_triangles`), `culling`, `late_layers`. Cameras that move (4.2): `newly_visible`, `older_captures`.
+For each viewer (3.4.1): `pbi`.
 """
 
 from __future__ import annotations
@@ -152,6 +152,7 @@ class BackgroundModel(ModelParts):
                 forgotten += self._culling.forget_seen_past(c, view, self.tolerances.delta)
                 look = Look(view, tones[c], self._captures.current[c])
                 report.culled += self._culling.cull_stale(c, look, table, self.tolerances.delta)
+                report.culled += self._late.take_turn(look, self.tolerances, self._culling.looks[c])
         with timed(report.stages, "culling"):
             # Where no geometry has changed since a camera's last rays, they would find the same again.
             due = self._culling.due(group)

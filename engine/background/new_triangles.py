@@ -28,13 +28,13 @@ class NewTriangles:
     def __init__(
         self, options: Sequence[TriangulationOptions], origin: F64, space: ViewingSpace | None, *, rims: bool = True
     ) -> None:
-        self.options, self._origin, self._space, self._rims = tuple(options), origin, space, rims
+        self.options, self.origin, self._space, self._rims = tuple(options), origin, space, rims
 
     def derive(self, index: int, camera: Camera, codes: U16, keep: U8) -> Mesh:
         """The mesh of the pixels of reference camera `index` with keep [h, w] != 0, without the triangles that face
         away from the whole viewing space."""
         options = dataclasses.replace(self.options[index], extend_edges=self._rims)
-        mesh = triangulate(camera, codes, options, origin=self._origin, keep=keep)
+        mesh = triangulate(camera, codes, options, origin=self.origin, keep=keep)
         return mesh if self._space is None else self._space.seen(mesh)
 
     def table(self, views: Sequence[View]) -> ViewTable:
@@ -43,7 +43,7 @@ class NewTriangles:
 
     def prepared(self, index: int, view: View) -> PreparedView:
         """A view of reference camera `index`, with its bounds."""
-        return PreparedView(view, self.options[index], self._origin)
+        return PreparedView(view, self.options[index], self.origin)
 
     def tolerance(self, cameras: Sequence[Camera]) -> float:
         """The largest error of the triangles' depth, as disparity, 1/m."""

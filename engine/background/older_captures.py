@@ -47,7 +47,8 @@ class OlderCaptures:
     def _tidy(self, camera: int) -> None:
         """Condenses remains with few valid triangles, and joins those of about the same size."""
         classes: dict[int, list[int]] = {}
-        for remains in [each for each in self._captures if isinstance(each, Remains) and each.camera == camera]:
+        own = [each for each in self._captures if isinstance(each, Remains) and each.camera == camera]
+        for remains in [each for each in own if not each.late]:
             surface = self._pbs.progressive[remains.number]
             count, valid = len(surface.invalid), surface.valid_count
             if valid < _THIN * count:

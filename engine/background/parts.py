@@ -16,6 +16,7 @@ from ..support.array_types import I64, U8
 from .capture import Capture, Captures, Present, Remains
 from .coloured_mesh import coloured_mesh
 from .culling import ForegroundCulling
+from .late_layers import LateLayers
 from .middle_layers import MiddleLayers
 from .new_triangles import NewTriangles
 from .older_captures import OlderCaptures
@@ -57,6 +58,7 @@ class ModelParts:
         changed = self._culling.changed
         self._p_pbs = ProgressiveUpdate(self._pbs, self._new_triangles, changed, settings, len(self._rig))
         self._older = OlderCaptures(self._pbs, self._captures)
+        self._late = LateLayers(self._pbs, self._captures, self._rig, self._new_triangles, layers, settings)
         self._sightings = Sightings()
         self._seed = seed  # until the first frame
         self._waited = 0  # frames skipped since the last update
@@ -103,10 +105,11 @@ class ModelParts:
 
     @property
     def memory(self) -> dict[str, int]:
-        """Bytes of images (the maximum depth images), surfaces (triangles, their points and marks) and ray_tracer (its
-        hierarchies over the surfaces)."""
+        """Bytes of images (the maximum depth images, and what `late_layers` notes), surfaces (triangles, their points
+        and marks) and ray_tracer (its hierarchies over the surfaces)."""
         return {
-            "images": self._captures.memory, "surfaces": self._pbs.memory, "ray_tracer": self._pbs.tracer.memory,
+            "images": self._captures.memory + self._late.memory, "surfaces": self._pbs.memory,
+            "ray_tracer": self._pbs.tracer.memory,
         }  # fmt: skip
 
     def _present(self, views: ViewTable | None, near: float) -> Present:

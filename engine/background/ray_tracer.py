@@ -18,6 +18,7 @@ from ..kernels.background.rays import Tracer
 from ..kernels.background.surfaces import (
     CAMERA,
     CAPTURE,
+    LATE,
     MARKS,
     MARKS_SIZE,
     POINTS,
@@ -145,7 +146,7 @@ class EmbreeTracer:
         self._marks[geometry, [MARKS, WORDS]] = address_of(marks), marks.strides[0] // marks.itemsize
         for column, array in ((TRIANGLES, mesh.triangles), (UV, mesh.uv), (POINTS, mesh.points)):
             self._surfaces[geometry, column] = address_of(array)
-        self._surfaces[geometry, [CAMERA, CAPTURE]] = surface.camera, surface.capture
+        self._surfaces[geometry, [CAMERA, CAPTURE, LATE]] = surface.camera, surface.capture, surface.late
         self._invalid[geometry] = address_of(surface.invalid)
         self._kept[geometry] = surface
 

@@ -55,6 +55,7 @@ def state_of(model: ModelParts) -> ModelState:
         cast=tuple(model._culling.cast_version),
         looks=tuple(model._culling.looks),
         changed=model._culling.changed.cells.copy(),
+        late=model._late.state(),
     )
 
 
@@ -70,8 +71,9 @@ def put_back(model: ModelParts, state: ModelState) -> None:
     rig.moved, rig.moving, rig.unseen = set(state.moved), set(state.moving), set(state.unseen)
     rig.next, model._waited = state.next, state.waited
     _put_captures(model, state)
+    late = {remains.capture for remains in state.remains if remains.late}
     for surface in state.surfaces:
-        pbs.put(surface.surface(), static=surface.static)
+        pbs.put(surface.surface(late=surface.capture in late), static=surface.static)
     pbs.commit()
     pbs.version = state.geometry
     followed.now = Tolerances(**dict(state.tolerances))
@@ -79,6 +81,7 @@ def put_back(model: ModelParts, state: ModelState) -> None:
     model._p_pbs.rounds = list(state.rounds)
     model._culling.cast_version, model._culling.looks = list(state.cast), list(state.looks)
     model._culling.changed.cells[:] = state.changed
+    model._late.put_back(state.late)
 
 
 def _put_captures(model: ModelParts, state: ModelState) -> None:
@@ -108,10 +111,11 @@ def _remains_state(remains: Remains) -> RemainsState:
     texture = remains.texture
     y, cb, cr = (plane.copy() for plane in (texture.y, texture.cb, texture.cr))
     return RemainsState(
-        remains.number, remains.camera, remains.codes.copy(), y, cb, cr, remains.edge, remains.reach
+        remains.number, remains.camera, remains.codes.copy(), y, cb, cr, remains.edge, remains.reach,
+        remains.late,
     )  # fmt: skip
 
 
 def _remains(state: RemainsState) -> Remains:
     texture = Texture(state.y.copy(), state.cb.copy(), state.cr.copy())
-    return Remains(state.capture, state.index, state.codes.copy(), texture, state.edge, state.reach)
+    return Remains(state.capture, state.index, state.codes.copy(), texture, state.edge, state.reach, state.late)

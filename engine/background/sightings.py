@@ -3,8 +3,8 @@
 For every 16 x 16 pixels of a capture's picture there is the number of the last frame in which its camera, from the
 capture's pose, showed in their middle the surface of the maximum depth image, or one less than delta before it. While
 someone stands there, the number stays as it is. What is left of older captures (section 4.2) was seen last when the
-earliest of them began, at the latest. Of surfaces from a file, a seed or a saved model, nothing is known until a camera
-sees them.
+earliest of them began, at the latest; a late layer (`late_layers`) when it began. Of surfaces from a file, a seed or a
+saved model, nothing is known until a camera sees them.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Sightings:
         for capture, stamps in now.values():
             if isinstance(capture, Remains) and stamps[0, 0] < 0:
                 gone = [_earliest(*each) for each in before.values() if each[0].camera == capture.camera]
-                stamps[:] = min(gone, default=0)
+                stamps[:] = min(gone, default=self.frame if capture.late else 0)
         self._known = now  # as a whole: other threads read it
         return new
 

@@ -22,8 +22,8 @@ from .light import LightState
 from .surface import Surface
 
 __all__ = [
-    "VERSION", "CameraState", "CaptureState", "ExposureState", "ModelState", "NumberedAtlas", "RemainsState",
-    "SceneState", "SurfaceState", "settings_state",
+    "VERSION", "CameraState", "CaptureState", "ExposureState", "LateState", "ModelState", "NumberedAtlas",
+    "RemainsState", "SceneState", "SurfaceState", "settings_state",
 ]  # fmt: skip
 
 
@@ -106,7 +106,7 @@ class CaptureState:
 
 @dataclass(frozen=True, slots=True)
 class RemainsState:
-    """What is left of older captures (`capture.Remains`)."""
+    """What is left of older captures, or the pictures of a late layer (`capture.Remains`)."""
 
     capture: int
     index: int
@@ -116,6 +116,18 @@ class RemainsState:
     cr: U16
     edge: int
     reach: int
+    late: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LateState:
+    """What a reference camera (its index) has noted of what stands before its maximum depth image
+    (`kernels.background.late_layers.Stood`), and the number of pixels that wait until there are more."""
+
+    index: int
+    codes: U16
+    turns: U8
+    waiting: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,10 +152,10 @@ class SurfaceState:
             surface.marks.copy(), surface.invalid.copy(),
         )  # fmt: skip
 
-    def surface(self) -> Surface:
-        """The surface itself; copies."""
+    def surface(self, *, late: bool) -> Surface:
+        """The surface itself, a late layer or not; copies."""
         mesh = Mesh(self.points.copy(), self.uv.copy(), self.triangles.copy())
-        return Surface(mesh, self.marks.copy(), self.invalid.copy(), self.camera, self.capture)
+        return Surface(mesh, self.marks.copy(), self.invalid.copy(), self.camera, self.capture, late)
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +192,7 @@ class ModelState:
     each camera's disparities in the first frame, 1/m. frames: number of frames after the first; rounds: of fusion, by
     camera; moved, moving, unseen, next, waited: see `reference_cameras`, `parts`. geometry: the PBS' version; cast: the
     PBS' version at each camera's last culling rays; looks: see `culling`; changed float32 [n, rows, columns]: see
-    `changed_directions`.
+    `changed_directions`; late: of the cameras that have noted something.
     """
 
     version: int
@@ -205,6 +217,7 @@ class ModelState:
     cast: tuple[int, ...]
     looks: tuple[int, ...]
     changed: F32
+    late: tuple[LateState, ...]
 
     def check(self) -> None:
         """Raises ValueError for a state of another version."""

@@ -52,6 +52,7 @@ def check_model(state: ModelState, rig: Sequence[CameraState]) -> None:
     _expect([c.name for c in rig] == [c.name for c in cameras], "rig", [c.name for c in rig], "the cameras' names")
     _check_scalars(state, count)
     numbers = _check_pictures(state, cameras)
+    _check_late(state, cameras)
     keys = set()
     for k, surface in enumerate(state.surfaces):
         _check_surface(surface, f"surfaces[{k}]", count, numbers)
@@ -150,6 +151,21 @@ def _check_capture(capture: CaptureState, name: str, cameras: Sequence[Camera]) 
     if capture.light is not None:
         _check_light(capture.light, f"{name}.light", cells_of((h, w)))
     return _Picture("capture", w, h, capture.index)
+
+
+def _check_late(state: ModelState, cameras: Sequence[Camera]) -> None:
+    """What cameras have noted for late layers, and their late layers: at most one of each camera."""
+    for name, found in (
+        ("late", [each.index for each in state.late]), ("remains", [each.index for each in state.remains if each.late])
+    ):  # fmt: skip
+        expected = f"different numbers from 0 to {len(cameras) - 1}"
+        _expect(len(set(found)) == len(found) and set(found) <= set(range(len(cameras))), name, found, expected)
+    for k, late in enumerate(state.late):
+        camera, name = cameras[late.index], f"late[{k}]"
+        size = (camera.height + 1) // 2, (camera.width + 1) // 2
+        _shape(f"{name}.codes", late.codes, size)
+        _shape(f"{name}.turns", late.turns, size)
+        _expect(late.waiting >= 0, f"{name}.waiting", late.waiting, "0 or more")
 
 
 def _check_light(light: LightState, name: str, cells: tuple[int, ...]) -> None:

@@ -19,7 +19,8 @@ class Surface:
 
     marks uint64 [m, words]: bit c of a triangle's words is set if the last rays of reference camera c found it to be
     background (the paper's "valid"). invalid uint8 [m]: 1 if no camera found it; rays pass through. camera: index of
-    the reference camera; capture: number of the capture (`capture.Capture`) that the triangles stem from.
+    the reference camera; capture: number of the capture (`capture.Capture`) that the triangles stem from. late: a late
+    layer (`late_layers`): only present views tell whether it stands.
     """
 
     mesh: Mesh
@@ -27,6 +28,7 @@ class Surface:
     invalid: U8
     camera: int
     capture: int
+    late: bool = False
 
     @classmethod
     def new(cls, mesh: Mesh, words: int, camera: int, capture: int) -> Surface:

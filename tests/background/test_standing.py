@@ -15,7 +15,7 @@ from farside.engine.geometry.scene_scale import Scene
 from farside.engine.geometry.triangulation import TriangulationOptions
 from farside.engine.kernels.background.rays import Tracer
 from farside.engine.kernels.background.standing import Present, standing_hit
-from farside.engine.kernels.background.surfaces import CAMERA, SURFACE_SIZE
+from farside.engine.kernels.background.surfaces import CAMERA, LATE, SURFACE_SIZE
 from farside.engine.kernels.base.sight import looks_through, shows
 from farside.engine.kernels.base.view_table import EDGE
 from farside.engine.pipeline.engine import Engine
@@ -66,12 +66,13 @@ def random_case(projection, seed):
     return camera, meshes, views, rng.uniform((0, 0), (camera.width, camera.height), (150, 2))
 
 
+@pytest.mark.parametrize("late", [(), (0, 1)])
 @pytest.mark.parametrize("near", [0.0, 3.2])
 @pytest.mark.parametrize(
     "projection", [Perspective.from_fov(40, 30, 0.6), Equirectangular(40, 30, (-0.3, 0.3), (-0.25, 0.25))]
 )
 @pytest.mark.parametrize("seed", range(3))
-def test_the_shown_surface_is_that_of_the_slow_choice(projection, near, seed):
+def test_the_shown_surface_is_that_of_the_slow_choice(projection, near, seed, late):
     camera, meshes, views, uv = random_case(projection, seed)
     scene, flags = RayScene(), [np.zeros(len(triangles), np.uint8) for _points, triangles, _owner in meshes]
     for number, ((points, triangles, _owner), flag) in enumerate(zip(meshes, flags, strict=True)):
@@ -83,13 +84,14 @@ def test_the_shown_surface_is_that_of_the_slow_choice(projection, near, seed):
     surfaces[:, CAMERA] = [owner for _points, _triangles, owner in meshes]
     bounds = scene.bounds() + np.array([[-0.01], [0.01]])
     tracer = Tracer(intersect_address(), occluded_address(), scene.address, bounds)
+    surfaces[list(late), LATE] = 1
     _hits(tracer, camera.packed(), uv, surfaces, Present(near, table.rows, codes), DELTA, result)
     asked = [
         (view, row[EDGE], present, memory) for (view, present, memory), row in zip(views, table.rows, strict=True)
     ]
     layers = []
     for (u, v), (distance, mesh, triangle, rays) in zip(uv, result, strict=True):
-        expected, *which = slow.standing(camera, u, v, near, meshes, asked, DELTA)
+        expected, *which = slow.standing(camera, u, v, near, meshes, asked, DELTA, late=late)
         assert (distance > 0) == np.isfinite(expected)
         if np.isfinite(expected):
             assert distance == pytest.approx(expected, abs=1e-4)
@@ -101,9 +103,10 @@ def test_the_shown_surface_is_that_of_the_slow_choice(projection, near, seed):
     assert rays.max() >= 4
 
 
+@pytest.mark.parametrize("late", [(), (0, 1)])
 @pytest.mark.parametrize("has_invalid", [True, False])
 @pytest.mark.parametrize("gone", range(4))
-def test_of_a_view_that_is_left_out_only_the_memory_counts(gone, has_invalid):
+def test_of_a_view_that_is_left_out_only_the_memory_counts(gone, has_invalid, late):
     camera, meshes, views, uv = random_case(Perspective.from_fov(40, 30, 0.6), 0)
     coding = dataclasses.replace(CODING, has_invalid=has_invalid)
     if not has_invalid:  # what is not seen is far away
@@ -119,6 +122,7 @@ def test_of_a_view_that_is_left_out_only_the_memory_counts(gone, has_invalid):
     surfaces[:, CAMERA] = [owner for _points, _triangles, owner in meshes]
     bounds = scene.bounds() + np.array([[-0.01], [0.01]])
     tracer = Tracer(intersect_address(), occluded_address(), scene.address, bounds)
+    surfaces[list(late), LATE] = 1
     _hits(tracer, camera.packed(), uv, surfaces, present.packed(), DELTA, result)
     asked = [(view, one.table_row[EDGE], *codes) for one, (view, *codes) in zip(given, views, strict=True)]
     nothing = np.zeros_like(views[gone][1])  # its present view, in a coding in which that is no depth
@@ -126,7 +130,7 @@ def test_of_a_view_that_is_left_out_only_the_memory_counts(gone, has_invalid):
     differs = 0
     for (u, v), (distance, mesh, triangle, _rays) in zip(uv, result, strict=True):
         found = [
-            slow.standing(camera, u, v, 0.0, meshes, asked, DELTA, {gone: (blind, nothing)} if left_out else {})
+            slow.standing(camera, u, v, 0.0, meshes, asked, DELTA, {gone: (blind, nothing)} if left_out else {}, late)
             for left_out in (True, False)
         ]
         differs += found[0] != found[1]

@@ -25,7 +25,8 @@ CASES = {
     "every other frame": Settings(n_init=1, update_interval=2),
     "paper": Settings.preset("paper", n_init=1),
     "stale foreground": Settings(n_init=1, cull_stale=True),
-    "middle layers": Settings(n_init=1, cull_stale=True, middle_layers=40),
+    "middle layers": Settings(n_init=1, cull_stale=True, middle_layers=40, late_rounds=0),
+    "late layers": Settings(n_init=1, cull_stale=True, middle_layers=4000),
     "viewing space": Settings(n_init=1, viewing_space=(0.0, 0.0, 0.0, 0.5)),
 }
 
@@ -86,11 +87,13 @@ def test_a_model_put_back_half_way_continues_bit_for_bit(case, noise):
     before = everything(model, frames[HALF_WAY - 1])
     other = BackgroundModel.from_state(model.state())
     assert_same(everything(other, frames[HALF_WAY - 1]), before)
-    accepted = culled = 0
+    accepted = culled = late = 0
     for one in frames[HALF_WAY:]:
         report = model.update(one)
         assert without_times(other.update(one)) == without_times(report)
         accepted, culled = accepted + report.accepted, culled + report.culled
+        late += sum(remains.late for remains in model.state().remains)
+    assert (late > 0) == (case == "late layers")
     assert_same(everything(other, frames[-1]), everything(model, frames[-1]))
     assert accepted > 0
     assert culled > 0

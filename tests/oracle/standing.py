@@ -33,11 +33,12 @@ def shows(camera, edge, codes, point, delta):
     return bool(depths.min() <= depth + around and depths.max() >= depth - around)
 
 
-def standing(camera, u, v, near, meshes, views, delta, instead=None):
+def standing(camera, u, v, near, meshes, views, delta, instead=None, late=()):
     """(distance, mesh, triangle) of the surface shown behind (u, v); the distance is nan if there is none.
 
     meshes: (points, triangles, owner); views: (camera, edge, present, memory), owners index them. instead: camera and
-    present codes of some views, by index, instead of theirs.
+    present codes of some views, by index, instead of theirs. late: owners of meshes that stand unless a view sees past
+    them now, whatever it has seen before.
     """
     start, direction = pixel_ray(camera, u, v)
     axis = camera.unproject([u, v], 1.0) - np.asarray(camera.pose.position)
@@ -55,6 +56,10 @@ def standing(camera, u, v, near, meshes, views, delta, instead=None):
             return t, number, i
         if t >= hits[-1][0] - delta_at(delta, hits[-1][0]):
             return hits[-1]
-        if not any(looks_through(view, memory, point, delta) for view, _edge, _present, memory in views):
+        asked = [(view, memory) for view, _edge, _present, memory in views]
+        if meshes[number][2] in late:
+            now = [(view, present) for view, _edge, present, _memory in views]
+            asked = [(instead or {}).get(k, one) for k, one in enumerate(now)]
+        if not any(looks_through(view, codes, point, delta) for view, codes in asked):
             return t, number, i
     return hits[-1] if hits else (np.nan, -1, -1)

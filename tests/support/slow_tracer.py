@@ -147,7 +147,8 @@ class SlowTracer:
                 return t, surface, triangle
             if t >= hits[-1][0] - delta_at(delta, hits[-1][0]):
                 return hits[-1]
-            memory = [(camera, present.memory.get(c, codes)) for c, (camera, codes) in enumerate(views)]
+            seen = {} if surface.late else present.memory
+            memory = [(camera, seen.get(c, codes)) for c, (camera, codes) in enumerate(views)]
             if not any(standing.looks_through(camera, codes, point, delta) for camera, codes in memory):
                 return t, surface, triangle
         return hits[-1] if hits else None

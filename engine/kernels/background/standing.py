@@ -22,7 +22,7 @@ from .intersect import intersect1
 from .lines import along, from_camera
 from .ray_hit import INVALID_ID
 from .rays import BESIDE_PX, ROUNDING, Tracer, farthest_hit
-from .surfaces import CAMERA
+from .surfaces import CAMERA, LATE
 
 __all__ = ["FARTHEST", "NOW", "Present", "standing_hit"]
 
@@ -36,7 +36,8 @@ class Present(NamedTuple):
 
     near: surfaces nearer than this depth, metres, are between the PBI's camera and the eyes and are not shown. table:
     float64 [views, TABLE_SIZE], see `kernels.base.view_table`; without rows, no view is consulted. codes: int64
-    [views, 2], the addresses of their present codes (NOW), and of their maximum depth images' codes (FARTHEST).
+    [views, 2], the addresses of their present codes (NOW; 0: none), and of their maximum depth images' codes
+    (FARTHEST).
     """
 
     near: float
@@ -45,11 +46,12 @@ class Present(NamedTuple):
 
 
 @serial
-def _stands(present: Present, x: float, y: float, z: float, delta: Delta) -> bool:
-    """Whether no view has ever seen past a point."""
+def _stands(present: Present, column: int, x: float, y: float, z: float, delta: Delta) -> bool:
+    """Whether no view has ever seen past a point (column FARTHEST), or none sees past it now (NOW)."""
     table, codes = present.table, present.codes
-    for k in range(table.shape[0]):  # noqa: SIM110 (compiled)
-        if looks_through(table[k], codes[k, FARTHEST], x, y, z, delta):
+    for k in range(table.shape[0]):
+        address = codes[k, column]
+        if address != 0 and looks_through(table[k], address, x, y, z, delta):
             return False
     return True
 
@@ -61,9 +63,9 @@ def standing_hit(
     """As `rays.farthest_hit`, but the nearest hit beyond `present.near` that stands; and the number of rays.
 
     A surface stands if the view that it stems from shows it now (most do, and need one ray), or if no view has ever
-    seen past it. A hit within delta of the farthest hit counts as the farthest surface, which is the fallback; the
-    front end rejects it if it is a ghost. surfaces: see `surfaces`. A ray that hits nothing is cast again a little
-    to the side (see `rays.BESIDE_PX`).
+    seen past it; a late layer, if no view sees past it now. A hit within delta of the farthest hit counts as the
+    farthest surface, which is the fallback; the front end rejects it if it is a ghost. surfaces: see `surfaces`. A ray
+    that hits nothing is cast again a little to the side (see `rays.BESIDE_PX`).
     """
     distance, hu, hv, geometry, primitive, length, rays = _standing_along(
         tracer, camera, u, v, surfaces, present, delta
@@ -106,7 +108,7 @@ def _standing_along(
             rays += 1
         if depth * length >= last - max(delta_at(delta, last), ROUNDING * last):
             break
-        if _stands(present, x, y, z, delta):
+        if _stands(present, NOW if surfaces[geometry, LATE] != 0 else FARTHEST, x, y, z, delta):
             return (*found, rays)
         start = depth * (1.0 + ROUNDING)
     return last if last > present.near * length else -1.0, lu, lv, last_geometry, last_primitive, length, rays

@@ -9,6 +9,7 @@ from ...support.array_types import F32, I32
 __all__ = [
     "CAMERA",
     "CAPTURE",
+    "LATE",
     "MARKS",
     "MARKS_SIZE",
     "POINTS",
@@ -20,9 +21,9 @@ __all__ = [
 ]
 
 # A table of surfaces is int64 [geometries, SURFACE_SIZE]: addresses of a surface's triangles, uv and points, its
-# reference camera, and the capture of its colours.
-TRIANGLES, UV, POINTS, CAMERA, CAPTURE = range(5)
-SURFACE_SIZE = 5
+# reference camera, the capture of its colours, and whether it is a late layer (`background.late_layers`; 0 or 1).
+TRIANGLES, UV, POINTS, CAMERA, CAPTURE, LATE = range(6)
+SURFACE_SIZE = 6
 # A table of marks is int64 [geometries, MARKS_SIZE]: the address of a surface's marks (uint64), and the number of words
 # from one triangle's marks to the next one's. Ray callbacks read it (`embree_callbacks.mark_and_pass`).
 MARKS, WORDS = range(2)
