@@ -52,8 +52,8 @@ def show_layers(
     title = f"{name} at scale {scale:g}, quality {quality}, {views} views, depth up to {seen}; filled pixels only"
     table = Table(title=title)
     columns = (
-        "model", "filled, %", "PSNR-Y", "IV-PSNR", "wrong, %", "unknown, %", "ghosts, %", "triangles", "CPU ms",
-        "ratio", "MB",
+        "model", "filled, %", "PSNR-Y", "IV-PSNR", "wrong, %", "unknown, %", "missed, %", "ghosts, %", "triangles",
+        "CPU ms", "ratio", "MB",
     )  # fmt: skip
     for column in columns:
         table.add_column(column, justify="right")
@@ -69,10 +69,11 @@ def _qualities(own: Sequence[LayerSample], pixels: float) -> list[str]:
     filled = sum(sample.filled for sample in own)
     shares = (100 * sum(getattr(sample, name) for sample in own) / max(filled, 1) for name in ("wrong", "unknown"))
     means = (_mean([getattr(sample, name) for sample in own]) for name in ("psnr_y", "iv_psnr"))
+    come, missed = (sum(getattr(sample, name) for sample in own) for name in ("come", "missed"))
     ghosts = 100 * float(np.mean([sample.ghosts for sample in own]))
     return [
         f"{100 * filled / (pixels * len(own)):.2f}", *(f"{mean:.2f}" for mean in means),
-        *(f"{share:.2f}" for share in shares), f"{ghosts:.3f}",
+        *(f"{share:.2f}" for share in shares), f"{100 * missed / come:.2f}" if come else "-", f"{ghosts:.3f}",
     ]  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from farside.engine.evaluation.layers import VARIANTS, LayerCost, LayerSample, p
 from farside.engine.evaluation.metrics import psnr
 from farside.engine.rig.frame import Texture
 from farside.engine.rig.viewer import RenderedPicture
-from farside.engine.synth import make_twin, twin_frame
+from farside.engine.synth import FPS, make_twin, render_view, twin_frame
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +33,8 @@ def test_all_variants_are_judged_on_the_same_pixels(twin):
         group = samples[k : k + len(VARIANTS)]
         assert len({s.filled for s in group}) == 1
         assert 0 < group[0].filled < 0.9 * cameras[0].width * cameras[0].height
+        assert len({s.come for s in group}) == 1
+        assert all(0 <= s.missed <= min(s.come, s.wrong + s.unknown) and s.come <= s.filled for s in group)
         assert all(0 <= s.wrong + s.unknown <= s.filled and 5 < s.psnr_y < 60 for s in group)
     first = [cost.variant for cost in costs[:: len(VARIANTS)]]
     assert first == [list(VARIANTS)[k % len(VARIANTS)] for k in range(4)]
@@ -47,6 +49,19 @@ def test_sensors_find_no_depth_beyond_their_reach(twin):
         np.testing.assert_array_equal(found[depth <= 5.0], depth[depth <= 5.0])
     assert 0.05 < np.mean([np.mean(view.codes == 0) for view in near.views]) < 0.95
     assert all((view.codes > 0).all() for view in within_reach(whole, math.inf).views)
+
+
+def test_what_was_carried_has_come_and_who_walks_or_always_stood_has_not(twin):
+    camera = twin.camera("t1")
+    always = render_view(twin.scene, camera, 0.0, samples=1, background_only=True)
+    first, before, now = (twin.truth(camera, index) for index in (0, 40, 70))
+    come = layers._have_come(now, before, first, always)
+    scene = dataclasses.replace(twin.scene, actors=twin.scene.actors[-1:])  # the armchair
+    alone = render_view(scene, camera, 70 / FPS, samples=1)
+    armchair = (alone.codes == now.codes) & (alone.codes != always.codes)
+    assert 20 < come.sum() <= armchair.sum() < 0.2 * come.size
+    assert (armchair | ~come).all()
+    assert not layers._have_come(first, first, first, always).any()
 
 
 def test_quality_is_that_of_the_filled_pixels_only(twin):
@@ -75,9 +90,11 @@ def test_ratios_are_those_of_settled_frames():
 
 
 def test_shares_are_of_all_filled_pixels():
-    sample = LayerSample("stale", "t0", 0, 100, 30.0, 40.0, 10, 5, 0.001)
+    sample = LayerSample("stale", "t0", 0, 100, 30.0, 40.0, 10, 5, 20, 4, 0.001)
     others = [sample, dataclasses.replace(sample, filled=300, wrong=0, unknown=3, psnr_y=math.inf, ghosts=0.003)]
-    assert bench._qualities(others, 1000.0) == ["20.00", "30.00", "40.00", "2.50", "2.00", "0.200"]
+    assert bench._qualities(others, 1000.0) == ["20.00", "30.00", "40.00", "2.50", "2.00", "20.00", "0.200"]
+    none = [dataclasses.replace(sample, come=0, missed=0)]
+    assert bench._qualities(none, 1000.0)[5] == "-"
 
 
 def test_the_command_prints_a_row_for_each_variant(capsys):
