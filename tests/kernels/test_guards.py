@@ -208,6 +208,10 @@ def test_what_a_walking_camera_adds_stays_within_its_arrays(child):
     assert counts["mesh"] > 8 * 50
 
 
+def test_what_is_put_into_a_room_stays_within_its_arrays(child):
+    assert sweep(child, "arriving", 8)["late"] >= 2 * 8
+
+
 def test_projected_pictures_and_added_meshes_stay_within_their_arrays(child):
     counts = sweep(child, "effects", 24)
     assert counts["added"] > 24 * 100
@@ -347,7 +351,7 @@ def test_every_file_of_kernels_that_takes_addresses_has_a_case():
 
 def test_cases_call_every_kernel_of_the_engine(child):
     """Every kernel that the engine's modules can call; runs last and counts the calls of the other tests."""
-    needed = {"shading", "triangulating", "pictures", "pipeline", "uncovering", "walking", "effects"}
+    needed = {"shading", "triangulating", "pictures", "pipeline", "uncovering", "walking", "arriving", "effects"}
     if not needed <= set(child.called):
         pytest.skip("only where all cases have run")
     for name, cases in COVERED.items():

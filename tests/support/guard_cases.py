@@ -460,6 +460,29 @@ def walking(rng: Rng, flush: str) -> Counts:
         engine.close()
 
 
+def arriving(rng: Rng, flush: str) -> Counts:
+    """A ball is put before walls that cameras have seen, stands there, is hidden in part by another, and goes."""
+    p = Perspective.from_fov(*any_size(rng, (47, 64, 65)), 1.2) if rng.random() < 0.7 else any_projection(rng, SMALL)
+    coding = dataclasses.replace(any_coding(rng), bits=16)
+    cameras = [Camera(f"v{k}", p, Pose((0.0, 0.1 * k, 0.0)), coding) for k in range(rng.integers(1, 4))]
+    changes = {"baseline_m": 0.5, "cull_stale": True, "middle_layers": 100_000, "n_update": len(cameras)}
+    engine = engine_module.Engine(cameras, Settings.preset("balanced", **changes))
+    late, counts, away = 0, dict[str, float](), np.array([99.0, 0.0, 0.0])
+    balls = [away] * 2 + [np.array([2.0, 0.1, 0.0])] * 7 + [np.array([1.6, 0.5, 0.2])] * 3 + [away] * 2
+    try:
+        for index, ball in enumerate(balls):
+            views = []
+            for camera in cameras:
+                codes = coding.codes(room_depth(camera, ball))
+                views.append(View(camera, any_texture(rng, p.height, p.width, flush), guarded(codes, flush)))
+            counts = play(rng, engine, [Frame(index, tuple(views))])
+            assert engine.model is not None
+            late += any(remains.late for remains in engine.model.state().remains)
+        return {**counts, "late": late}
+    finally:
+        engine.close()
+
+
 def any_effects(rng: Rng, engine: engine_module.Engine, flush: str, *, absurd: bool = False) -> None:
     """Adds projectors of pictures of any size, of live video, and meshes with and without pictures, anywhere."""
     for name in ("picture", "live"):
@@ -637,8 +660,8 @@ def hanging(rng: Rng, flush: str) -> Counts:
 
 
 _CASES = (
-    shading, triangulating, pictures, pipeline, uncovering, walking, effects, hostile, far_triangles, at_the_eye,
-    no_colours, lost_points, beyond, hanging,
+    shading, triangulating, pictures, pipeline, uncovering, walking, arriving, effects, hostile, far_triangles,
+    at_the_eye, no_colours, lost_points, beyond, hanging,
 )  # fmt: skip
 CASES: Mapping[str, Callable[[Rng, str], Counts]] = {case.__name__: case for case in _CASES}
 

@@ -150,6 +150,27 @@ def walks() -> Named:
         yield f"{label} luma", view.texture.y
 
 
+def arrives() -> Named:
+    """Something is put before a wall, stands there, and is shown where something else hides it; then it goes."""
+    settings = Settings(n_init=1, n_update=3, tolerance_px=1.0, cull_stale=True, middle_layers=3000)
+    boxes = (None, *[0.2] * 7, 0.25, None)
+    video = [Frame(k, tuple(seen_by(camera, k, box, 0.0) for camera in CAMERAS)) for k, box in enumerate(boxes)]
+    model = BackgroundModel(CAMERAS, settings, Scene.of(CAMERAS, settings, video[0]))
+    for index, one in enumerate(video):
+        model.update(one)
+        state = model.state()
+        for late in state.late:
+            yield f"{index} {late.index} turns", late.turns
+        for remains in state.remains:
+            assert remains.late
+            yield f"{index} {remains.capture} codes", remains.codes
+            yield f"{index} {remains.capture} y", remains.y
+        yield f"{index} count", np.array([len(state.remains)])
+        assert bool(state.remains) == (index in (6, 7, 8))
+        view = model.render_pbi(EYE, model._new_triangles.table(one.views)).view
+        yield f"{index} disparity", EYE.depth.disparity(view.codes)
+
+
 def _behind(model: BackgroundModel) -> Seed:
     """A model as a seed, a little behind: of two surfaces at exactly the same depth, either may be hit first."""
     seed = seed_of(SavedModel.of(CAMERAS, 0, model, None))
@@ -280,4 +301,4 @@ def rays() -> Named:
     yield "distances", distances
 
 
-CASES = (models, light, walks, hidden, asked, uncovered, tones, rays)
+CASES = (models, light, walks, arrives, hidden, asked, uncovered, tones, rays)
