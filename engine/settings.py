@@ -106,9 +106,9 @@ class Settings:
     # Colours of the background model follow the present views when the light changes, differently from place to place;
     # this is the time constant, in seconds. 0: they stay as they were first seen. In twins whose lamps change, the
     # model gains 3 to 4 dB PSNR (bench light museum-lamps). Pictures hardly gain, as holes take the colours of other
-    # present views first: the 0.1 % of pixels that only the model shows gain up to 0.6 dB. An update takes 1 to 3 % more
-    # CPU time, and 5 to 20 % more while the light changes. Surfaces of an earlier model (`seeding`), and what cameras
-    # saw from where they are no more, keep their colours.
+    # present views first: the 0.1 % of pixels that only the model shows gain up to 0.6 dB. An update takes 1 to 3 %
+    # more CPU time, and 5 to 20 % more while the light changes. Surfaces of an earlier model (`seeding`), and what
+    # cameras saw from where they are no more, keep their colours.
     light_s: float = 0.0
     blend: int = 3  # how many of the rendered views may contribute to a pixel's colour
     # Anti-aliasing of silhouettes. morphological: blended according to the shape of their staircases (3 ns per pixel);
