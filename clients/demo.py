@@ -28,6 +28,7 @@ from .trust import trust_certificate
 __all__ = ["command"]
 
 _TARGET_FPS = 12.0  # a rate at which a head feels free, and that two cores hold
+_PATIENCE_S = 15.0  # for which the rest of the twin waits at most for an engine that takes no frame
 
 
 def command(
@@ -161,9 +162,12 @@ class _Show:
         has had its first frame."""
         await twin.wait_for_first_views()
         twin.pause()
-        await asyncio.to_thread(self._compiling.wait, self._settings.needed[:1])
-        await self._shown.wait()
-        twin.go_on()
+        try:
+            await asyncio.to_thread(self._compiling.wait, self._settings.needed[:1])
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._shown.wait(), _PATIENCE_S)
+        finally:
+            twin.go_on()
 
     async def _show_progress(self, console: Console) -> None:
         """Kernels that are compiled and frames that are made. It does not end; raises OSError if there is no twin."""

@@ -101,7 +101,8 @@ class DemoTwin:
         if self._process is not None and self._process.poll():
             self._told.seek(0)
             last = self._told.read().decode(errors="replace").strip().splitlines()[-1:]
-            raise OSError(f"twin: {self.folder}: expected to be made: {' '.join(last)}")
+            why = last[0] if last else f"its process has ended with code {self._process.returncode}"
+            raise OSError(f"twin: {self.folder}: expected to be made: {why}")
 
     def pause(self) -> None:
         """Let the process stand still until `go_on`."""

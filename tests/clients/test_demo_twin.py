@@ -171,6 +171,24 @@ def test_what_keeps_it_from_being_made_is_told(tmp_path: Path) -> None:
         twin.stop()
 
 
+def test_a_process_that_was_killed_is_told(tmp_path: Path) -> None:
+    twin = DemoTwin(tmp_path / "museum", SCALE, 10_000)
+
+    async def play() -> None:
+        twin.start()
+        await twin.wait_for_cameras()
+        assert twin._process is not None
+        twin._process.kill()
+        twin._process.wait()
+        twin.check()
+
+    try:
+        with pytest.raises(OSError, match="expected to be made: its process has ended with code -9"):
+            asyncio.run(asyncio.wait_for(play(), HANG_S))
+    finally:
+        twin.stop()
+
+
 def test_it_is_read_while_its_folder_moves(tmp_path: Path) -> None:
     twin, hidden = DemoTwin(tmp_path / "museum", 0.02, 3), tmp_path / ".museum.farside-unfinished"
     assert hidden == hidden_folder(twin.folder)
