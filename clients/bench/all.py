@@ -47,20 +47,26 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """The finished results in a folder; `earlier`: those of other commits count as well."""
+    """The finished results in a folder, of a machine and a commit; `earlier`: those of other commits count as well."""
 
     folder: Path
-    earlier: bool = False
+    machine: str
+    commit: str
+    earlier: bool
+
+    def folder_of(self, section: Section) -> Path:
+        """The folder of a section's result of this commit."""
+        return self.folder / _folder(section.key, _told(section), self.machine, self.commit)
 
     def of(self, section: Section) -> Result | None:
-        """The result of a section on this machine: of this commit, or else the newest."""
-        told, machine = _told(section), machine_name()
-        path = self.folder / _folder(section.key, told, machine, commit_name()) / "result.json"
+        """The result of a section: of this commit, or else the newest."""
+        path = self.folder_of(section) / "result.json"
         if path.is_file():
             return _result(path)
         found = sorted(self.folder.glob(f"{section.key}-*/result.json"), key=lambda path: path.stat().st_mtime)
         results = [_result(path) for path in found if self.earlier]
-        return next((each for each in reversed(results) if (each.command, each.machine) == (told, machine)), None)
+        wanted = _told(section), self.machine
+        return next((each for each in reversed(results) if (each.command, each.machine) == wanted), None)
 
 
 def _result(path: Path) -> Result:
@@ -91,7 +97,8 @@ def command(
     """
     chosen = [sized(section, scale, frames) for section in _chosen(only)]
     failed: dict[str, str] = {}
-    paths, kept = [report / "RESULTS.md", *([results] if results else [])], Kept(report, earlier)
+    paths = [report / "RESULTS.md", *([results] if results else [])]
+    kept = Kept(report, machine_name(), commit_name(), earlier)
     for _ in measure_all(chosen, kept, sequences, failed):  # after Ctrl-C there is a document of the finished part
         for path in paths:
             write_document(path, chosen, kept, failed)
@@ -110,7 +117,6 @@ def measure_all(
     """
     console = Console(stderr=True)
     kept.folder.mkdir(parents=True, exist_ok=True)
-    machine, commit = machine_name(), commit_name()
     for number, section in enumerate(sections):
         said = f"{number + 1} of {len(sections)}, {section.key}"
         if "sequences" in section.needs and sequences is None:
@@ -120,7 +126,7 @@ def measure_all(
         else:
             console.print(f"{said}: [bold]{escape(_told(section))}[/]")
             try:
-                _measure(section, kept.folder, sequences, machine, commit)
+                _measure(section, kept, sequences)
             except (OSError, RuntimeError) as error:
                 failed[section.key] = str(error)
                 console.print(f"[red]failed[/] {escape(str(error))}")
@@ -142,8 +148,7 @@ def write_document(path: Path, sections: Sequence[Section], kept: Kept, failed: 
 
 def document(sections: Sequence[Section], kept: Kept, failed: Mapping[str, str]) -> str:
     """The results of sections in Markdown: question, command, machine, commit, table, how to read it."""
-    commit = commit_name()
-    about = f"Machine: {machine_name()}. Commit: {commit}"
+    about = f"Machine: {kept.machine}. Commit: {kept.commit}"
     lines = [
         "# Results", "",
         "Written by `farside bench all`; do not edit it. Every section names the command that repeats it.", "",
@@ -155,7 +160,7 @@ def document(sections: Sequence[Section], kept: Kept, failed: Mapping[str, str])
         if section.key in failed or result is None:
             lines += [f"`{_told(section)}`", "", f"No result: {failed.get(section.key, 'not measured yet')}."]
             continue
-        when = f"{result.date}, {result.seconds:.0f} s" + (f", {result.commit}" if result.commit != commit else "")
+        when = f"{result.date}, {result.seconds:.0f} s" + (f", {result.commit}" if result.commit != kept.commit else "")
         lines += [f"`{result.command}`, {when}", "", section.reading, "", "```text"]
         lines += [*map(str.rstrip, result.output.rstrip().splitlines()), "```"]
         pictures = [name for name in result.files if name.endswith(".png")]
@@ -197,23 +202,23 @@ def _chosen(only: str | None) -> Iterator[Section]:
         yield known[key]
 
 
-def _measure(section: Section, folder: Path, sequences: Path | None, machine: str, commit: str) -> None:
+def _measure(section: Section, kept: Kept, sequences: Path | None) -> None:
     """Run a section's command in a process of its own; its result is written completely or not at all."""
-    kept = folder / _folder(section.key, _told(section), machine, commit)
-    files = kept / "files"
+    own = kept.folder_of(section)
+    files = own / "files"
     files.mkdir(parents=True, exist_ok=True)
-    arguments = [_filled(text, section, folder, sequences) for text in section.arguments]
+    arguments = [_filled(text, section, kept.folder, sequences) for text in section.arguments]
     arguments += ["--report", str(files)] if section.reports else []
     start = time.monotonic()
     output = _farside("bench", *arguments)
     print(output, flush=True)
-    names = sorted(str(path.relative_to(kept)) for path in files.rglob("*") if path.is_file())
+    names = sorted(str(path.relative_to(own)) for path in files.rglob("*") if path.is_file())
     date, seconds = time.strftime("%Y-%m-%d"), time.monotonic() - start
     told = output.replace(str(files), "DIR")
-    result = Result(section.key, _told(section), machine, commit, date, seconds, told, names)
-    partial = kept / "result.partial"
+    result = Result(section.key, _told(section), kept.machine, kept.commit, date, seconds, told, names)
+    partial = own / "result.partial"
     partial.write_text(json.dumps(asdict(result), indent=1) + "\n", "utf-8")
-    partial.rename(kept / "result.json")
+    partial.rename(own / "result.json")
 
 
 def _filled(text: str, section: Section, folder: Path, sequences: Path | None) -> str:
