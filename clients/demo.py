@@ -139,9 +139,10 @@ class _Show:
                 self._twin.stop()
 
     def _preparing(self) -> str:
-        if self._twin is None or self._shown.is_set() or self._twin.first_views >= FIRST_VIEWS:
+        if self._twin is None or self._shown.is_set():
             return ""
-        return f"making the sequence: {self._twin.first_views} of {FIRST_VIEWS} views"
+        made = self._twin.first_views
+        return f"making the sequence: {made} of {FIRST_VIEWS} views" if made < FIRST_VIEWS else ""
 
     async def _replay(self) -> None:
         if self._twin:
