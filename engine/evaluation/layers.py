@@ -106,6 +106,7 @@ def play_layers(
         for name, changes in VARIANTS.items()
     }
     still = {c.name: render_view(twin.scene, c, 0.0, samples=1, background_only=True) for c in cameras}
+    begin = {c.name: twin.truth(c, 0) for c in cameras}
     for index in range(frames):
         frame, judged = within_reach(twin_frame(twin, index), reach_m), index % every == 0 or index == frames - 1
         viewers = {camera.name: camera for camera in cameras} if judged else {}
@@ -113,9 +114,8 @@ def play_layers(
         for name in names[index % len(names) :] + names[: index % len(names)]:
             yield _updated(name, engines[name], frame, viewers)
         for camera in viewers.values():
-            truth = twin.truth(camera, index)
-            before, first_view = twin.truth(camera, max(index - round(FPS), 0)), twin.truth(camera, 0)
-            come = _have_come(truth, before, first_view, still[camera.name])
+            truth, before = twin.truth(camera, index), twin.truth(camera, max(index - round(FPS), 0))
+            come = _have_come(truth, before, begin[camera.name], still[camera.name])
             yield from _samples(engines, camera, truth, still[camera.name], come, index)
     for engine in engines.values():
         engine.close()
