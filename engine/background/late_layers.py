@@ -103,7 +103,7 @@ class LateLayers:
     def _remove(self, view: PreparedView, delta: Delta, part: int) -> int:
         """Flags triangles past which a view sees, and tidies up; returns the number of these triangles. part: the
         number of the part at which it looks, if they are many; numbers begin again after the last part."""
-        row, codes = view.table_row[None], view.addresses(measured=True)[:1]
+        row, codes = view.table_row[None], np.array(view.addresses(measured=True)[:1])
         surfaces, gone = self._all(), 0
         step = max(1, -(-sum(len(surface.invalid) for surface in surfaces) // _LOOKED_AT))
         for surface in surfaces:
