@@ -121,7 +121,8 @@ def command(
         check_seed(seed_model)
     if effects is not None:
         job = dataclasses.replace(job, effects=read_effects(effects))
-    compile_shown([quality, *(["effects"] if effects else []), *(["seed"] if seed_model else [])])
+    needed = {"effects": effects is not None, "seed": seed_model is not None, "beyond": settings.beyond}
+    compile_shown([quality, *(use for use, wanted in needed.items() if wanted)])
     if seed_model is not None:
         job = dataclasses.replace(job, seed=read_seed(seed_model))
     renderer = OfflineRenderer(job, settings)

@@ -218,6 +218,12 @@ class Settings:
             light_s=0.0, antialias="none", cubic=False, prefilter=False,
         )  # fmt: skip
 
+    @property
+    def beyond(self) -> bool:
+        """Whether the background model goes past the paper's limits: light that changes, stale foreground, middle and
+        late layers."""
+        return self.background and (self.light_s > 0.0 or self.cull_stale)
+
     def fixed_as_in(self, other: Settings) -> None:
         """Raises ValueError if a setting differs that may not change from picture to picture (not in `PER_PICTURE`)."""
         for field in fields(self):

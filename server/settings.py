@@ -224,7 +224,8 @@ class ServerSettings(BaseModel):
     @property
     def needed_for_model(self) -> tuple[str, ...]:
         """Which of them the background model waits for."""
-        return "picture", self.quality, *(("seed",) if self.seed_model else ())
+        seed, beyond = ("seed",) if self.seed_model else (), ("beyond",) if self.engine().beyond else ()
+        return "picture", self.quality, *seed, *beyond
 
     def _given(self) -> dict[str, object]:
         given = {

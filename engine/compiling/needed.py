@@ -15,9 +15,9 @@ from pathlib import Path
 __all__ = ["NEEDED", "USES", "Kernel", "needed_for", "read", "write"]
 
 NEEDED = Path(__file__).with_name("needed.json")
-USES = ("synth", "picture", "fast", "balanced", "best", "paper", "effects", "seed")
+USES = ("synth", "picture", "fast", "balanced", "best", "paper", "effects", "seed", "beyond")
 """What kernels are needed for: making twins; a picture without a background model; each quality; 3D effects; a model
-that begins with an earlier one."""
+that begins with an earlier one; one that goes past the paper's limits (`Settings.beyond`)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,6 +80,9 @@ def _rehearse(use: str, folder: Path) -> None:
     if use == "seed":
         _judge_seed()
         return
+    if use == "beyond":
+        _go_beyond()
+        return
     from ..io.recording import open_recording
 
     if use == "picture":
@@ -176,6 +179,20 @@ def _judge_seed() -> None:
     camera = Camera("eye", Perspective.from_fov(16, 16, 1.0), Pose(), DepthCoding(0.1, 10.0))
     mesh = Mesh(np.eye(3, dtype=np.float32), np.zeros((3, 2), np.float32), np.array([[0, 1, 2]], np.int32))
     judged(mesh, np.empty((0, 0)), np.empty(0, np.int64), camera.packed()[None], (0.1, 0.0))
+
+
+def _go_beyond() -> None:
+    """A model past the paper's limits; the rest is a quality's."""
+    from ..background.model import BackgroundModel
+    from ..geometry.scene_scale import Scene
+    from ..settings import Settings
+    from .small_room import small_room
+
+    frames, settings = list(small_room()), Settings(light_s=0.2, cull_stale=True, middle_layers=4)
+    cameras = [view.camera for view in frames[0].views]
+    model = BackgroundModel(cameras, settings, Scene.of(cameras, settings, frames[0]))
+    for frame in frames:
+        model.update(frame, elapsed_s=1 / 30)
 
 
 def _walk(recording: Any, quality: str) -> None:

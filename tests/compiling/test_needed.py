@@ -20,6 +20,7 @@ from farside.engine.compiling.pool import Compiling
 from farside.engine.compiling.recorder import Compiled
 from farside.engine.compiling.signatures import to_text
 from farside.engine.io.effect_files import read_mesh
+from farside.engine.kernels.background import late_layers, light, middle_layers, stale
 from farside.engine.kernels.background.seeding import judge_seed
 from farside.engine.kernels.rendering import added_mesh, projector
 from farside.engine.pipeline.engine import Engine
@@ -29,6 +30,7 @@ from farside.engine.rig.viewer import StereoView
 from farside.engine.settings import Settings
 from PIL import Image
 from support import effects as room
+from support import moments
 from support.rooms import camera_row
 
 AGAIN = "make the list anew: farside bench compile --renew"
@@ -84,6 +86,17 @@ def test_a_model_that_begins_with_an_earlier_one_needs_no_other_kernels(tmp_path
     with io.BytesIO() as file:
         Image.new("RGB", (4, 4)).save(file, "PNG")
         assert seed_files._decoded(file.getvalue(), 4).flags.writeable  # its colours are converted by a listed kernel
+
+
+def test_a_model_past_the_papers_limits_needs_no_other_kernels() -> None:
+    engine = Engine(moments.CAMERAS, Settings.preset("balanced", light_s=0.5, middle_layers=1))
+    for index in range(30):
+        engine.update(moments.moment(index, *[] if index < 10 else [moments.TABLE]))
+    late = (late_layers.note_standing, late_layers.select_standing, late_layers.clear_covered)
+    for kernel in (light.follow_light, stale.find_gone, stale.find_seen_past, middle_layers.find_never_seen_past, *late):
+        name = kernel.py_func.__name__
+        listed = {each.types for each in read() if each.name == name and "beyond" in each.uses}
+        assert {to_text(types) for types in kernel.signatures} <= listed != set(), AGAIN
 
 
 def test_each_listed_kernel_is_there_and_comes_after_those_that_it_calls() -> None:

@@ -112,6 +112,9 @@ def test_with_all_kernels_the_model_begins_at_once(made: list[Told]) -> None:
         ({"quality": "best", "target_fps": 10}, ("picture", "best", "balanced", "fast", "effects")),
         ({"quality": "paper"}, ("picture", "paper", "effects")),
         ({"seed_model": "room.glb"}, ("picture", "balanced", "seed", "effects")),
+        ({"light": 2.0}, ("picture", "balanced", "beyond", "effects")),
+        ({"middle_layers": 9, "quality": "fast"}, ("picture", "fast", "beyond", "effects")),
+        ({"light": 2.0, "background": False}, ("picture", "balanced", "effects")),
     ],
 )
 def test_settings_tell_what_is_needed(given: dict[str, Any], expected: tuple[str, ...]) -> None:
