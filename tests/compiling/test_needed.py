@@ -92,8 +92,8 @@ def test_a_model_past_the_papers_limits_needs_no_other_kernels() -> None:
     engine = Engine(moments.CAMERAS, Settings.preset("balanced", light_s=0.5, middle_layers=1))
     for index in range(30):
         engine.update(moments.moment(index, *[] if index < 10 else [moments.TABLE]))
-    late = (late_layers.note_standing, late_layers.select_standing, late_layers.clear_covered)
-    for kernel in (light.follow_light, stale.find_gone, stale.find_seen_past, middle_layers.find_never_seen_past, *late):
+    kernels = [light.follow_light, stale.find_gone, stale.find_seen_past, middle_layers.find_never_seen_past]
+    for kernel in (*kernels, late_layers.note_standing, late_layers.select_standing, late_layers.clear_covered):
         name = kernel.py_func.__name__
         listed = {each.types for each in read() if each.name == name and "beyond" in each.uses}
         assert {to_text(types) for types in kernel.signatures} <= listed != set(), AGAIN
