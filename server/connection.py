@@ -13,6 +13,7 @@ from typing import Any
 
 from starlette.websockets import WebSocket
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.protocol import State
 
 __all__ = ["Connection", "connection_of"]
 
@@ -113,7 +114,11 @@ class Connection(WebSocketsSansIOProtocol):
 
     def shutdown(self) -> None:
         """The server ends."""
-        super().shutdown()
+        if self.close_sent or self.conn.state in (State.CONNECTING, State.OPEN):
+            super().shutdown()
+        else:  # the peer has closed, which uvicorn would answer once more: an error that keeps others from their end
+            self.stop_keepalive()
+            self.transport.close()
         self._cut_later()
 
     def connection_lost(self, exc: Exception | None) -> None:

@@ -8,7 +8,7 @@ import os
 import socket
 import struct
 from collections.abc import AsyncIterator, Collection
-from contextlib import asynccontextmanager, closing
+from contextlib import ExitStack, asynccontextmanager, closing
 from functools import partial
 from urllib.parse import urlsplit
 
@@ -83,6 +83,10 @@ class Mute:
         while True:
             self._socket.sendall(data)
 
+    def say_goodbye(self) -> None:
+        self._protocol.send_close(1000)
+        self._flush()
+
     def half_close(self) -> None:
         self._socket.shutdown(socket.SHUT_WR)
 
@@ -117,6 +121,28 @@ def test_a_viewer_that_stops_reading_loses_its_place() -> None:
                 await let_in(url)
 
         run(scenario)
+
+
+def test_the_server_ends_in_order_while_what_a_viewer_left_unread_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "STALL_S", 3.0)
+
+    async def scenario() -> None:
+        with ExitStack() as served:
+            url = served.enter_context(running(FakeCore, max_viewers=2))
+            with closing(Mute(url, "/viewer")) as mute:
+                async with raw_connect(base_url(url, "ws") + "/viewer") as viewer:
+                    await viewer.send(encode(VIEWER))
+                    mute.send(encode(LARGE))
+                    async with playing(url):
+                        mute.send(encode(PoseUpdate(0, 0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))))
+                        await asyncio.sleep(0.5)  # until what it does not read fills the buffers
+                    mute.say_goodbye()
+                    await let_in(url)
+                    await asyncio.to_thread(served.close)
+                    with pytest.raises(ConnectionClosed, match="1012"):
+                        _earlier = [message async for message in viewer]
+
+    run(scenario)
 
 
 def test_a_viewer_that_reads_slowly_keeps_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
