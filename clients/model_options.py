@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["CullStale", "Light", "MiddleLayers", "ViewingSpace"]
+__all__ = ["CullStale", "LateRounds", "Light", "MiddleLayers", "ViewingSpace"]
 
 Light = Annotated[
     float | None,
@@ -24,6 +24,14 @@ MiddleLayers = Annotated[
         metavar="N",
         help="Up to N triangles of surfaces that no camera has seen past stay in the model, as furniture in the middle "
         "of a room (default 0); brings --cull-stale with it.",
+    ),
+]
+LateRounds = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help="With --middle-layers, what is put into the room joins the model after N rounds of the cameras' turns "
+        "(default 1; 0: it does not).",
     ),
 ]
 ViewingSpace = Annotated[

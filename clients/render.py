@@ -31,7 +31,7 @@ from rich.progress import Progress
 
 from .effects import read_effects
 from .kernels import compile_shown
-from .model_options import CullStale, Light, MiddleLayers, ViewingSpace
+from .model_options import CullStale, LateRounds, Light, MiddleLayers, ViewingSpace
 from .moving import Moving, pose_files
 
 __all__ = ["command"]
@@ -89,6 +89,7 @@ def command(
     light: Light = None,
     cull_stale: CullStale = None,
     middle_layers: MiddleLayers = None,
+    late_rounds: LateRounds = None,
     seed_model: SeedModel = None,
     exposure: Exposure = None,
     output_scale: OutputScale = None,
@@ -108,7 +109,7 @@ def command(
         "n_render": views, "n_init": init, "n_update": update, "tolerance_px": tolerance, "delta_m": delta,
         "viewing_space": viewing_space, "exposure_s": exposure, "update_interval": update_interval,
         "output_scale": output_scale, "draw_moving": draw_moving, "fill": None if fill else "none",
-        "light_s": light, "cull_stale": cull_stale, "middle_layers": middle_layers,
+        "light_s": light, "cull_stale": cull_stale, "middle_layers": middle_layers, "late_rounds": late_rounds,
     }  # fmt: skip
     changes = {name: value for name, value in given.items() if value is not None}
     settings = Settings.preset(quality, background=background, **changes)

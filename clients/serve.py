@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from .ending import set_patience
 from .listening import addresses_of, listen
-from .model_options import CullStale, Light, MiddleLayers, ViewingSpace
+from .model_options import CullStale, LateRounds, Light, MiddleLayers, ViewingSpace
 
 __all__ = ["command", "server_settings", "stop_within", "tell_variables"]
 
@@ -105,6 +105,7 @@ def command(
     light: Light = None,
     cull_stale: CullStale = None,
     middle_layers: MiddleLayers = None,
+    late_rounds: LateRounds = None,
     model: Annotated[
         str | None,
         typer.Option(
@@ -139,7 +140,7 @@ def command(
         quality=quality, views=views, init=init, update=update,
         update_interval=update_interval, output_scale=output_scale, jpeg_quality=jpeg_quality, background=background,
         draw_moving=draw_moving, viewing_space=viewing_space, light=light, cull_stale=cull_stale,
-        middle_layers=middle_layers, model=model, save_interval_s=save_interval_s,
+        middle_layers=middle_layers, late_rounds=late_rounds, model=model, save_interval_s=save_interval_s,
         seed_model=seed_model, target_fps=target_fps, longest_update_s=longest_update_s,
         max_viewers=max_viewers, log_level=log_level,
     )  # fmt: skip

@@ -116,6 +116,7 @@ class ServerSettings(BaseModel):
     ] = None  # light_s
     cull_stale: Annotated[bool | None, Field(description="true or false")] = None
     middle_layers: Annotated[int | None, _count(0, "a number of triangles, 0 or more")] = None
+    late_rounds: Annotated[int | None, _count(0, "a number of rounds from 0 to 100", 100)] = None
     model: Annotated[str, Field(description="a file in a folder that exists")] = ""  # of the model; empty: none is kept
     save_interval_s: Annotated[float, _seconds("the time between two savings of the model")] = 60.0
     seed_model: Annotated[str, Field(description="a file, a saved model or GLB")] = ""
@@ -241,5 +242,6 @@ class ServerSettings(BaseModel):
             "light_s": self.light,
             "cull_stale": self.cull_stale,
             "middle_layers": self.middle_layers,
+            "late_rounds": self.late_rounds,
         }
         return {name: value for name, value in given.items() if value is not None}

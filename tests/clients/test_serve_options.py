@@ -43,6 +43,7 @@ WRONG: dict[str, tuple[list[str], str]] = {
     "light": (["-1", "nan", "inf", "slow"], "0 or more seconds"),
     "cull_stale": (["maybe", "2"], "true or false"),
     "middle_layers": (["-1", "2.5", "all"], "0 or more"),
+    "late_rounds": (["-1", "101", "1.5", "none"], "0 to 100"),
     "model": (["/no/folder/room.farside", "/"], "a file in a folder that exists"),
     "save_interval_s": (["0", "-1", "nan", "inf", "1e9", "1min"], "seconds"),
     "seed_model": (["/no/such/file", "/"], "a file, a saved model or GLB"),
