@@ -52,7 +52,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-_LOOKED_AT = 1 << 18  # triangles of which marks may be forgotten in a camera's turn, so that its cost is bounded
+_LOOKED_AT = 1 << 16  # triangles of which marks may be forgotten in a camera's turn, so that its cost is bounded
 
 
 class Unmarked(NamedTuple):
@@ -116,7 +116,8 @@ class ForegroundCulling:
     def forget_seen_past(self, camera: int, view: PreparedView, delta: Delta) -> int:
         """Removes the marks of cameras that move from triangles past which a camera's view sees; returns their number.
 
-        If there are many triangles, it looks at a part of them, and at the next part in the camera's next turn."""
+        If there are many triangles, it looks at a part of them, and at the next part in the camera's next turn. In a
+        round, cameras look at different parts."""
         if not self._cameras.moving:
             return 0
         bits = _bits(self._pbs, sorted(self._cameras.moving))
@@ -125,7 +126,7 @@ class ForegroundCulling:
         step = max(1, -(-sum(len(surface.invalid) for surface in surfaces) // _LOOKED_AT))
         self.looks[camera] += 1
         for surface in surfaces:
-            first = min(self.looks[camera] % step, len(surface.invalid))
+            first = min((self.looks[camera] + camera) % step, len(surface.invalid))
             forgotten += forget_seen_past(
                 view.table_row, codes, surface.packed, surface.invalid, delta, bits, first, step, surface.marks
             )
