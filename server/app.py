@@ -44,6 +44,7 @@ __all__ = ["create_app", "make_server"]
 
 PAGE = Path(str(files("farside.server"))) / "page"
 READ = ["GET", "HEAD"]  # health checks ask by HEAD
+_FIRST_PICTURE_S = 4.0  # in which an engine on two cores starts and shows its first picture, if it has them alone
 METHODS, HEADERS = [*READ, "POST", "PUT", "DELETE"], ["authorization", "content-type"]  # of pages of other origins
 
 
@@ -93,13 +94,14 @@ def _engine_maker(settings: ServerSettings, compiling: Compiling | None) -> Call
     def make(source: Source) -> Core:
         """An engine, when the kernels for the first picture are there: two processes would compile them twice.
 
-        The background model waits for the rest of them. Raises ValueError for a source with another rig than that of
-        the model that is kept.
+        The others wait while the engine starts, and the background model waits for them. Raises ValueError for a source
+        with another rig than that of the model that is kept.
         """
         if compiling is None:
             return ProcessCore(make_local_core, source.cameras, settings.engine(), True, settings.files)
         compiling.wait(settings.needed[:1])
         whole = compiling.wait(settings.needed_for_model, timeout=None if continues() else 0.0)
+        compiling.rest(_FIRST_PICTURE_S)
         core = ProcessCore(make_local_core, source.cameras, settings.engine(), whole, settings.files)
         if not whole:
             threading.Thread(target=begin_model, args=(core,), daemon=True).start()

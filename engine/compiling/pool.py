@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -47,6 +49,7 @@ class Compiling:
         self._after = _callees_by_use(self._uses)
         self._workers, self._changed = workers or core_count(), changed
         self._condition, self._stopped = threading.Condition(), False
+        self._rests_until = -math.inf  # monotonic clock, s
         self._processes: list[subprocess.Popen[str]] = []
         self._threads: list[threading.Thread] = []
 
@@ -93,6 +96,12 @@ class Compiling:
         with self._condition:
             return self._condition.wait_for(lambda: self._stopped or wanted <= self._done, timeout)
 
+    def rest(self, seconds: float) -> None:
+        """Begin no other kernel for this time, s, as something else needs the cores now; 0: go on."""
+        with self._condition:
+            self._rests_until = time.monotonic() + seconds
+            self._condition.notify_all()
+
     def stop(self) -> None:
         """End the processes at once."""
         with self._condition:
@@ -132,6 +141,9 @@ class Compiling:
         """The first kernel whose callees are there; waits for one, and returns None if none is left."""
         with self._condition:
             while self._left and not self._stopped:
+                if (rest_s := self._rests_until - time.monotonic()) > 0.0:
+                    self._condition.wait(rest_s)
+                    continue
                 for number in self._left:
                     if self._done.issuperset(self._after[number]):
                         self._left.remove(number)

@@ -188,6 +188,24 @@ def test_it_can_be_stopped_while_others_wait(folder: Path, monkeypatch: pytest.M
     assert all(process.poll() is not None for process in compiling._processes)
 
 
+def test_none_is_begun_in_a_rest(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kernels = _small(monkeypatch)
+    monkeypatch.setattr(pool, "_ask", lambda process, line: "compiled")
+    compiling = Compiling(("fast",), 2)
+    compiling.rest(3600.0)
+    compiling.start()
+    assert not compiling.wait(timeout=0.2)
+    assert compiling.progress == Progress(0, len(kernels))
+    compiling.rest(0.0)
+    assert compiling.wait()
+    assert compiling.progress == Progress(len(kernels), len(kernels))
+    resting = Compiling(("best",), 2)
+    resting.rest(3600.0)
+    resting.start()
+    resting.stop()
+    assert resting.finished
+
+
 def test_an_unknown_use_is_refused() -> None:
     with pytest.raises(ValueError, match="use: 'quick': expected one of synth, picture, fast"):
         Compiling(("quick",))

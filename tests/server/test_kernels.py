@@ -30,6 +30,7 @@ class Kernels:
         self.progress, self.first = Progress(0, 2), Progress(0, 1)
         self._there = {"picture": threading.Event(), "balanced": threading.Event()}
         self.waited = threading.Event()
+        self.rests: list[float] = []
 
     def start(self) -> None:
         pass
@@ -37,6 +38,9 @@ class Kernels:
     def stop(self) -> None:
         for event in self._there.values():
             event.set()
+
+    def rest(self, seconds: float) -> None:
+        self.rests.append(seconds)
 
     def make(self, use: str) -> None:
         self._there[use].set()
@@ -89,6 +93,7 @@ def test_pictures_come_before_the_model(made: list[Told]) -> None:
         sending.join(HANG_S)
         (core,) = made
         assert not core.modelling
+        assert kernels.rests == [pytest.approx(4.0)]  # the engine has the cores alone while it starts
         assert not core.begun.is_set()
         kernels.make("balanced")
         assert core.begun.wait(HANG_S)
