@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import shlex
 import socket
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from farside.engine.compiling.pool import Compiling
 from farside.engine.io.recording import Recording, open_recording
+from farside.engine.live import left_out
 from farside.engine.support.kernel_folders import user_cache
 from farside.server.app import make_server
 from farside.server.settings import ServerSettings
@@ -68,8 +72,9 @@ def command(
         address = " and ".join(addresses_of(listening, settings, settings.token))
         text = ("watch at ", (address, "bold"), " (Ctrl-C stops); move with the mouse and W A S D Q E")
         console.print(Text.assemble(*text), soft_wrap=True, highlight=False)  # an address stays in one piece
-        show = _Show(settings, listening, _twin(cache or _own_cache(), scale, frames), rate)
-        with contextlib.suppress(KeyboardInterrupt):
+        twin = _twin(cache or _own_cache(), scale, frames)
+        show = _Show(settings, listening, twin, rate)
+        with contextlib.suppress(KeyboardInterrupt), _unwarned() if isinstance(twin, DemoTwin) else nullcontext():
             asyncio.run(show.run(seconds, console))
         console.print("stopped")
 
@@ -90,6 +95,21 @@ def _twin(cache: Path, scale: float, frames: int) -> Recording | DemoTwin:
         return open_recording(folder)
     _tell_place(f"the twin will take {_twin_bytes(scale, frames) / 1e9:.3g} GB in {folder}", folder)
     return DemoTwin(folder, scale, frames)
+
+
+@contextmanager
+def _unwarned() -> Iterator[None]:
+    """While the block runs, nobody is warned of views that the first frame lacks: they are being made."""
+
+    def is_of_later_frame(record: logging.LogRecord) -> bool:
+        return not (isinstance(record.args, tuple) and record.args[1:2] == (0,))
+
+    log = logging.getLogger(left_out.__name__)
+    log.addFilter(is_of_later_frame)
+    try:
+        yield
+    finally:
+        log.removeFilter(is_of_later_frame)
 
 
 def _twin_bytes(scale: float, frames: int) -> int:

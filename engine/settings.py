@@ -167,7 +167,8 @@ class Settings:
         """The settings of a quality (fast, balanced, best) or of the paper (`Settings.paper`), with `changes` applied.
         A number of `middle_layers` brings `cull_stale` with it, unless that is given.
 
-        Raises ValueError for an unknown quality or a change out of range, TypeError for an unknown setting.
+        Raises ValueError for an unknown quality, a change out of range, and `late_rounds` without `middle_layers`;
+        TypeError for an unknown setting.
         """
         presets = {
             "paper": cls.paper(),
@@ -177,6 +178,8 @@ class Settings:
         }
         if quality not in presets:
             raise ValueError(f"quality: {quality!r}: expected one of {', '.join(PRESETS)}")
+        if "late_rounds" in changes and not changes.get("middle_layers"):
+            raise ValueError(f"late_rounds: {changes['late_rounds']!r}: expected with middle_layers above 0")
         brought = {"cull_stale": True} if changes.get("middle_layers") else {}
         return replace(presets[quality], **(brought | changes))  # type: ignore[arg-type]
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from farside.engine.io.mesh_files import colours_of
+from farside.engine.rig.questions import NoModelError
 from fastapi import HTTPException, Response
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
@@ -22,8 +23,8 @@ async def export_mesh(service: Service, format_name: str, colours: str | None) -
     """The model as a file in `format_name` ("glb" or "ply"), with its colours in a texture or at the vertices
     (`io.mesh_files.colours_of`).
 
-    Raises HTTPException: 400 for colours that the format does not have, 409 before the first frame and for a model that
-    the format cannot hold.
+    Raises HTTPException: 400 for colours that the format does not have, 409 where there is no model yet, and for a
+    model that the format cannot hold.
     """
     try:
         colours = colours_of(format_name, colours)
@@ -31,6 +32,8 @@ async def export_mesh(service: Service, format_name: str, colours: str | None) -
         raise HTTPException(400, str(error)) from error
     try:
         data = await service.live.model.mesh(format_name, colours)
+    except NoModelError as error:
+        raise HTTPException(409, service.no_model(error)) from error
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
     headers = {"Content-Disposition": f'attachment; filename="background.{format_name}"'}

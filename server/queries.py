@@ -66,7 +66,7 @@ async def answer_query(service: Service, request: Request) -> Response:
         question, arguments, floats = await asyncio.to_thread(_read, body, kind, service.settings.max_queries)
         answer = await service.live.model.query(question, arguments)
     except NoModelError as error:
-        raise HTTPException(409, str(error)) from error
+        raise HTTPException(409, service.no_model(error)) from error
     except ValueError as error:
         raise HTTPException(422, str(error)) from error
     except CoreLostError as error:

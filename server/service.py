@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 from farside.engine.compiling.pool import Compiling
 from farside.engine.live.engine import Live
 from farside.engine.live.governor import Rung
+from farside.engine.rig.questions import NoModelError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from .connection import connection_of
@@ -121,6 +122,14 @@ class Service:
             "kernels": self._kernels(),
             **self.live.status(seconds),
         }
+
+    def no_model(self, error: NoModelError) -> str:
+        """Why there is no model that could be asked."""
+        progress = None if self.compiling is None else self.compiling.progress
+        if progress is None or progress.done == progress.total or self.live.shown is None:
+            return str(error)
+        done = f"kernels for it are being compiled: {progress.done} of {progress.total}"
+        return f"model: there is none yet: {done}: expected a request after that"
 
     def _kernels(self) -> dict[str, int] | None:
         """How many kernels are ready, of how many that the server's settings need, and of those that the first picture

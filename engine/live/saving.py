@@ -69,6 +69,8 @@ class Saver:
         with self.updating:
             if self._unsaved or self._status["error"]:
                 self._take()
+                if self._waiting is None:
+                    _log.warning("model %s: nothing was saved: there was no model yet", self.path)
         self._write()
 
     def status(self) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from ..rendering.renderer import Renderer
 from ..rig.camera import Camera
 from ..rig.effects import Effect
 from ..rig.frame import Frame
+from ..rig.questions import NoModelError
 from ..rig.viewer import EncodedPair, RenderedPicture, StereoPicture, StereoView
 from ..settings import Settings
 from ..support.array_types import F64
@@ -216,7 +217,7 @@ class Engine:
 
     def _modelled(self) -> BackgroundModel:
         if self.model is None:
-            raise ValueError("mesh: there is no background model yet: no frame was received")
+            raise NoModelError("mesh: there is none before the first frame: expected one to be taken")
         return self.model
 
     def _newest(self) -> FrontBuffer:

@@ -16,7 +16,7 @@ const element = (id) => document.getElementById(id);
 const canvas = element("picture");
 const head = new Head(canvas);
 const token = new URLSearchParams(location.search).get("token") ?? "";
-const state = { canvas, socket: null, scene: null, sent: 0, answered: 0, seen: 0, frame: -1, moved: performance.now(), times: [], latency: 0 };
+const state = { canvas, socket: null, scene: null, sent: 0, answered: 0, seen: 0, model: "", frame: -1, moved: performance.now(), times: [], latency: 0 };
 globalThis.farside = state; // for inspection from the browser's console
 
 // Pictures have the size of the place where they are shown.
@@ -44,7 +44,7 @@ function connect() {
   };
   socket.onmessage = async (event) => {
     const message = decode(event.data);
-    if (message.type === "welcome") tellProgress(socket);
+    if (message.type === "welcome") tellProgress(socket, message.settings.background);
     else if (message.type === "scene") arrive(message);
     else if (message.type === "stereo") await show(message);
     else if (message.type === "error") refusal = `${message.field}: ${message.value}: expected ${message.expected}`;
@@ -58,16 +58,23 @@ function connect() {
   };
 }
 
-// Until the first picture: what it waits for.
-async function tellProgress(socket) {
-  while (state.socket === socket && state.seen === 0) {
+// Until the first picture: what it waits for. Then, until there is a background model, what that waits for.
+async function tellProgress(socket, models) {
+  let compiling = false;
+  state.model = "";
+  while (state.socket === socket && (state.seen === 0 || compiling)) {
     const status = await fetch(new URL("status", document.baseURI)).then((answer) => answer.json()).catch(() => null);
-    if (state.socket !== socket || state.seen > 0) return;
-    const { first_ready: ready, first_of: of } = status?.kernels ?? { first_ready: 0, first_of: 0 };
-    if (ready < of) say(`compiling kernels for the first picture: ${ready} of ${of} (the first time only)`);
+    if (state.socket !== socket) return;
+    const { first_ready: first, first_of: of_first, ready, of } = status?.kernels ?? {};
+    compiling = models && ready < of;
+    if (state.seen > 0) {
+      const modelled = Object.keys(status?.engine?.background ?? {}).length > 0;
+      state.model = compiling && !modelled ? `no background model yet: compiling kernels, ${ready} of ${of}` : "";
+    } else if (first < of_first) say(`compiling kernels for the first picture: ${first} of ${of_first} (the first time only)`);
     else say(status?.preparing || (status?.source_connected ? "waiting for the first picture" : "waiting for a source"));
     await new Promise((resolve) => setTimeout(resolve, PROGRESS_MS));
   }
+  state.model = "";
 }
 
 // The server learns the size of pictures from the hello only.
@@ -120,9 +127,9 @@ function account(stereo) {
   const stages = Object.entries(stereo.stages).map(([name, ms]) => `${name} ${ms.toFixed(0)}`).join(" ");
   element("figures").textContent = `${state.scene.name}, frame ${stereo.frame}: ${rate.toFixed(1)} pictures a second, `
     // the first pictures were asked for long before the engine was there
-    + `latency ${state.seen > IN_FLIGHT ? state.latency.toFixed(0) : "-"} ms (${stages}), holes ${(100 * stereo.holes).toFixed(1)} %`
-    + (stereo.rung ? `, ${stereo.rung}` : "");
-  say("");
+    + `latency ${state.seen > IN_FLIGHT ? state.latency.toFixed(0) : "-"} ms, holes ${(100 * stereo.holes).toFixed(1)} %`
+    + (stereo.rung ? `, ${stereo.rung}` : "") + ` (${stages})`;
+  say(state.model);
 }
 
 function say(text, problem = false) {

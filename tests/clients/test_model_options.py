@@ -34,6 +34,11 @@ def test_middle_layers_with_stale_surfaces_are_refused() -> None:
         Settings.preset("balanced", middle_layers=5, cull_stale=False)
 
 
+def test_rounds_without_middle_layers_are_refused() -> None:
+    with pytest.raises(ValueError, match="late_rounds: 2: expected with middle_layers above 0"):
+        ServerSettings(late_rounds=2).engine()
+
+
 def test_pictures_are_rendered_with_them(tmp_path: Path) -> None:
     write_twin("museum", tmp_path / "Museum", 0.03, frames=3)
     report = tmp_path / "report.json"

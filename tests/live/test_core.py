@@ -96,7 +96,7 @@ def test_frames_in_encoded_pairs_out_and_figures_with_every_update(core: Core, e
 def test_what_does_not_fit_is_refused_and_nothing_has_changed(core: Core) -> None:
     with pytest.raises(ValueError, match="frame: none was received yet"):
         core.picture(HEAD, "a", "jpeg")
-    with pytest.raises(ValueError, match="mesh: there is no background model yet"):
+    with pytest.raises(ValueError, match="mesh: there is none before the first frame"):
         core.mesh("ply")
     core.update(FRAMES[0], look, {}, 25.0)
     before = core.picture(HEAD, "a", "raw").left
@@ -181,7 +181,7 @@ def test_the_model_may_begin_later(make) -> None:
         for engine in (core, plain):
             engine.update(FRAMES[0], look, {}, *([25.0] if engine is core else []))
         assert core.picture(HEAD, "a", "raw").left == plain.render_encoded(HEAD, "a", "raw").left
-        with pytest.raises(ValueError, match="model"):
+        with pytest.raises(ValueError, match="mesh: there is none before the first frame"):
             core.mesh("ply")
         core.begin_model()
         for one in FRAMES[1:]:

@@ -115,6 +115,14 @@ def test_the_end_saves_only_what_has_changed(parts):
     assert model.copies == 0
 
 
+def test_the_end_says_that_there_was_nothing_to_save(tmp_path, caplog):
+    saver = Saver(tmp_path / "room.farside", 1000.0, lambda: None)
+    with saver.updating:
+        saver.offer()
+    saver.finish()
+    assert caplog.messages == [f"model {tmp_path / 'room.farside'}: nothing was saved: there was no model yet"]
+
+
 def test_the_end_waits_for_the_newest_state(tmp_path):
     model = Model()
     saver = Saver(tmp_path / "room.farside", 1000.0, model.copy)

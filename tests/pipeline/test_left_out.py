@@ -212,7 +212,7 @@ def test_a_rig_without_depth_so_far_shows_nothing_and_the_model_begins_with_the_
             assert not picture.disparity.any()
             assert {len(np.unique(plane)) for plane in planes_of_picture(picture)} == {1}
         assert engine.render_encoded(HEAD).report.holes == 1.0
-        with pytest.raises(ValueError, match="no background model yet"):
+        with pytest.raises(ValueError, match="mesh: there is none before the first frame"):
             engine.export()
     for whole in frames[:4]:
         engine.update(whole, viewers())

@@ -10,13 +10,16 @@ import ssl
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, ClassVar
 from urllib.parse import quote
 
 import numpy as np
 import pytest
 from farside.clients.connection import connect
 from farside.engine.compiling.pool import Progress
+from farside.engine.live.core import Updated
 from farside.engine.rig.camera import Pose
 from farside.engine.rig.viewer import StereoView
 from farside.server.pictures import encode_view
@@ -294,3 +297,27 @@ def test_until_the_first_picture_it_says_what_it_waits_for(page: sync_api.Page) 
             wait_shown(page, 1)
             wait_said("")
     assert kernels.ended == 0
+
+
+class Unmodelled(Ramp):
+    """A core whose model begins when a test says so."""
+
+    triangles: ClassVar[dict[str, int]] = {}
+
+    def update(self, *given: Any) -> Updated:
+        updated = super().update(*given)
+        return replace(updated, status=updated.status | {"background": self.triangles})
+
+
+def test_until_there_is_a_model_it_says_what_that_waits_for(page: sync_api.Page) -> None:
+    kernels = Kernels()
+    kernels.first, kernels.progress = Progress(8, 8), Progress(9, 20)
+    with running(Cores(Unmodelled), kernels) as url, playing(url):
+        page.goto(url)
+        for ready in (9, 19):
+            kernels.progress = Progress(ready, 20)
+            text = f"no background model yet: compiling kernels, {ready} of 20"
+            page.wait_for_function("text => document.getElementById('message').textContent === text", arg=text)
+        kernels.progress = Progress(20, 20)
+        page.wait_for_function("document.getElementById('message').textContent === ''")
+    wait_shown(page, 1)

@@ -14,9 +14,11 @@ import msgpack
 import numpy as np
 import pytest
 from farside.clients.connection import connect
+from farside.engine.compiling.pool import Progress
 from farside.engine.live.core import CoreLostError, LocalCore, Source, make_local_core
 from farside.engine.live.core_process import ProcessCore
 from farside.engine.rig.frame import Frame
+from farside.engine.rig.questions import NoModelError
 from farside.engine.settings import Settings
 from farside.server.pictures import encode_view
 from farside.server.protocol import BufferFree, FrameDone, PoseUpdate, Scene, SourceHello, Stereo, ViewerHello
@@ -249,6 +251,39 @@ def test_nothing_is_asked_before_a_source_plays_or_without_the_token() -> None:
         answer = ask(url, AHEAD, headers={"authorization": "Bearer sesame"})
         assert answer.status_code == 409
         assert answer.json()["detail"].startswith("model: there is none before the first frame")
+
+
+class Compiling:
+    """Kernels of which those of the model are still being compiled."""
+
+    progress, first = Progress(300, 333), Progress(8, 8)
+
+    def start(self) -> None:
+        pass
+
+    stop = start
+
+
+class Unmodelled(FakeCore):
+    def query(self, question: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        raise NoModelError("model: there is none before the first frame: expected a source to be playing")
+
+    def mesh(self, *given: Any) -> bytes:
+        raise NoModelError("mesh: there is none before the first frame: expected one to be taken")
+
+
+def test_while_its_kernels_are_compiled_the_answer_is_why_there_is_no_model() -> None:
+    with running(Unmodelled, Compiling()) as url:
+        answers: list[httpx.Response] = []
+
+        async def ask_both() -> None:
+            answers.append(await asyncio.to_thread(ask, url, AHEAD))
+            answers.append(await asyncio.to_thread(httpx.get, f"{url}/mesh.glb", trust_env=False))
+
+        asyncio.run(with_frame(url, ask_both))
+        done = "kernels for it are being compiled: 300 of 333"
+        expected = f"model: there is none yet: {done}: expected a request after that"
+        assert [(answer.status_code, answer.json()["detail"]) for answer in answers] == 2 * [(409, expected)]
 
 
 def test_a_server_without_a_model_says_so() -> None:
