@@ -62,6 +62,7 @@ class DemoTwin:
         self._started = True
         if is_being_written(self.folder):
             return
+        self._done, self._open = 0, None
         run = [sys.executable, "-m", "farside.clients.bound", str(os.getpid()), "farside.clients.cli"]
         options = ["--scale", str(self._scale), "--frames", str(self.total), "--no-truth"]
         command = [*run, "synth", "museum", str(self.folder), *options]
@@ -95,9 +96,13 @@ class DemoTwin:
         return 0
 
     def check(self) -> None:
-        """Raises OSError, with what the process said last, if it has failed. Makes the twin if another demo has not."""
-        if self._started and self._process is None and not self.folder.is_dir():
+        """Raises OSError, with what the process said last, if it has failed. Makes the twin if another demo has not, or
+        if it is gone."""
+        if self._started and not self.folder.is_dir() and (self._process is None or self._process.poll() == 0):
             self.start()
+        self._complain()
+
+    def _complain(self) -> None:
         if self._process is not None and self._process.poll():
             self._told.seek(0)
             last = self._told.read().decode(errors="replace").strip().splitlines()[-1:]
@@ -188,15 +193,33 @@ class DemoTwin:
 
     def frame(self, index: int, names: Iterable[str] | None = None) -> Frame:
         """The reference views of one instant. It waits for some views of the first one; those that are not made then
-        are left out. Raises OSError as `check` does, and if it was stopped meanwhile."""
-        wanted = self.source_names if names is None else tuple(names)
-        if index > 0 or self.done > 0:
-            return self._read(lambda recording: recording.frame(index, wanted))
-        while self.first_views < FIRST_VIEWS:
-            self.check()
+        are left out. If the twin was lost with another demo, which made it, the nearest frame of the one that
+        `check` begins comes.
+
+        Raises OSError as `check` does, and if it was stopped meanwhile; ValueError or OSError for a whole twin that
+        cannot be read."""
+        while True:
+            try:
+                frame = self._frame_now(index, names)
+            except (ValueError, OSError):
+                self._complain()  # why it is not there, if that is known
+                if self.folder.is_dir():
+                    raise
+                frame = None
+            if frame is not None:
+                return frame
+            self._complain()
             if self._stopped.wait(_POLL_S / 2):
                 raise OSError(f"twin: {self.folder}: expected to be made: stopped")
-        return self._read(lambda recording: Frame(0, tuple(_first_view(recording, name) for name in wanted)))
+
+    def _frame_now(self, index: int, names: Iterable[str] | None) -> Frame | None:
+        """A frame, or the newest one if it is not made yet; None: there is none yet."""
+        wanted = self.source_names if names is None else tuple(names)
+        if self.done > 0:
+            return self._read(lambda recording: recording.frame(min(index, recording.frame_count - 1), wanted))
+        if self.first_views >= FIRST_VIEWS:
+            return self._read(lambda recording: Frame(0, tuple(_first_view(recording, name) for name in wanted)))
+        return None
 
     def frames(self, start: int = 0, stop: int | None = None, names: Iterable[str] | None = None) -> Iterator[Frame]:
         """Frames in order, as far as they are there when the iterator reaches them."""

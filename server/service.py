@@ -16,6 +16,7 @@ from itertools import count
 from typing import Any, TypeVar
 
 from farside.engine.compiling.pool import Compiling
+from farside.engine.live.core import CoreLostError
 from farside.engine.live.engine import Live
 from farside.engine.live.governor import Rung
 from farside.engine.rig.questions import NoModelError
@@ -159,7 +160,8 @@ async def conversation(socket: WebSocket) -> AsyncIterator[None]:
     except ProtocolError as error:
         await _refuse(socket, error)
     except Exception as error:  # a boundary: the client is told, the service goes on
-        _log.exception("connection failed")
+        if not isinstance(error, CoreLostError):  # which says all; where it was noticed says nothing
+            _log.exception("connection failed")
         message = f"{type(error).__name__}: {error}"
         await _refuse(socket, ProtocolError(CloseCode.INTERNAL, "server", message, "no such error"))
 

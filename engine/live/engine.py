@@ -212,7 +212,8 @@ class Live(AbstractAsyncContextManager["Live"]):
         return {name: viewer.view for name, viewer in list(self._viewers.items())}
 
     def _fail(self, frame: Frame, settled: asyncio.Future[Settled], error: Exception) -> None:
-        _log.error("frame %d could not be taken", frame.index, exc_info=error)
+        why = None if isinstance(error, CoreLostError) else error
+        _log.error("frame %d could not be taken: %s", frame.index, error, exc_info=why)
         self.frames["failed"] += 1
         if not settled.done():
             settled.set_exception(error)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import shutil
 import subprocess
 import sys
 import threading
@@ -126,8 +127,13 @@ def test_two_demos_share_a_twin_and_the_second_goes_on_alone(tmp_path: Path) -> 
         assert second.frame(0).there
         first.stop()
         assert not list(tmp_path.iterdir())
-        await second.wait_for_first_views()
-        assert second.frame(0).there
+        reading = asyncio.create_task(asyncio.to_thread(second.frame, 7))  # by a replay, which knows nothing of it
+        while not reading.done():
+            second.check()
+            await asyncio.sleep(0.1)
+        frame = await reading
+        assert frame.there
+        assert frame.index <= 7
 
     try:
         asyncio.run(asyncio.wait_for(play(), HANG_S))
@@ -181,6 +187,25 @@ def test_a_process_that_was_killed_is_told(tmp_path: Path) -> None:
         twin._process.kill()
         twin._process.wait()
         twin.check()
+
+    try:
+        with pytest.raises(OSError, match="expected to be made: its process has ended with code -9"):
+            asyncio.run(asyncio.wait_for(play(), HANG_S))
+    finally:
+        twin.stop()
+
+
+def test_who_reads_a_frame_that_is_gone_is_told_why(tmp_path: Path) -> None:
+    twin = DemoTwin(tmp_path / "museum", SCALE, 10_000)
+
+    async def play() -> None:
+        twin.start()
+        await twin.wait_for_first_views()
+        assert twin._process is not None
+        twin._process.kill()
+        twin._process.wait()
+        shutil.rmtree(hidden_folder(twin.folder))
+        await asyncio.to_thread(twin.frame, 1)
 
     try:
         with pytest.raises(OSError, match="expected to be made: its process has ended with code -9"):
