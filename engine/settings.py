@@ -143,8 +143,8 @@ class Settings:
         if not 0 <= self.filter_neighbours <= 8:
             raise ValueError(f"filter_neighbours: {self.filter_neighbours!r}: expected 0 to 8")
         for name in ("tolerance_px", "exposure_s", "light_s", "pbi_margin_rad"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name}: {getattr(self, name)!r}: expected at least 0")
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name}: {getattr(self, name)!r}: expected a number of at least 0")
         for name in ("pbi_scale", "output_scale"):
             if not 0.05 <= getattr(self, name) <= 4.0:
                 raise ValueError(f"{name}: {getattr(self, name)!r}: expected 0.05 to 4")

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 from farside.engine.io.recording import open_recording
+from farside.server.protocol import MAX_EYE_PX
 from rich.console import Console
 from rich.table import Table
 
@@ -29,13 +30,15 @@ _STALLS = {
 def command(
     folder: SequenceFolder,
     fps: Annotated[
-        float | None, typer.Option(help="Video frames a second (default: the sequence's).", min=0.01)
+        float | None, typer.Option(help="Video frames a second (default: the sequence's).", min=0.01, max=1000.0)
     ] = None,
     seconds: Annotated[float, typer.Option(help="Time for which the video plays.", min=1.0)] = 20.0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Picture size of an eye.")] = "640x720",
     quality: Quality = "best",
 ) -> None:
     """Measure server, replay and headset over localhost: rates, stalls, pauses, memory."""
+    if max(parse_size(size)) > MAX_EYE_PX:
+        raise ValueError(f"--size: {size!r}: expected at most {MAX_EYE_PX} pixels in each direction")
     show_live(folder, fps, seconds, quality, parse_size(size))
 
 

@@ -45,7 +45,7 @@ def command(
     scale: Scale = 0.25,
     frames: Frames = 5,
     quality: Quality = "balanced",
-    count: Annotated[int, typer.Option(min=1000, help="Rays that are cast at once.")] = 1_000_000,
+    count: Annotated[int, typer.Option(min=1000, max=10_000_000, help="Rays that are cast at once.")] = 1_000_000,
 ) -> None:
     """Measure rays, closest points and spheres a second against the model of a twin, in the library and by HTTP."""
     show_queries(name, scale, frames, quality, count)

@@ -243,7 +243,7 @@ def test_a_state_of_other_cells_is_refused():
 
 
 def test_a_negative_time_constant_is_refused_and_the_paper_follows_no_light():
-    with pytest.raises(ValueError, match=r"light_s: -1\.0: expected at least 0"):
+    with pytest.raises(ValueError, match=r"light_s: -1\.0: expected a number of at least 0"):
         Settings(light_s=-1.0)
     assert Settings.paper().light_s == 0.0
     assert "light_s" in MODELLING

@@ -67,6 +67,11 @@ def test_the_command_prints_them(folder, figures, monkeypatch, capsys):
         assert said in printed
 
 
+def test_a_size_that_no_viewer_may_have_is_refused(folder):
+    with pytest.raises(ValueError, match="--size: '99999x9': expected at most 4096 pixels"):
+        live.command(folder, size="99999x9")
+
+
 def test_a_pause_is_what_an_update_adds_to_a_picture(figures):
     playing, still = figures
     longest = {"longest_picture_during_update_ms": 31.0}

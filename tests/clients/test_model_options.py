@@ -34,6 +34,12 @@ def test_middle_layers_with_stale_surfaces_are_refused() -> None:
         Settings.preset("balanced", middle_layers=5, cull_stale=False)
 
 
+@pytest.mark.parametrize("time_s", [float("nan"), float("inf"), -1.0])
+def test_the_time_constant_of_light_is_a_number(time_s: float) -> None:
+    with pytest.raises(ValueError, match=r"light_s: .*: expected a number of at least 0"):
+        Settings.preset("balanced", light_s=time_s)
+
+
 def test_rounds_without_middle_layers_are_refused() -> None:
     with pytest.raises(ValueError, match="late_rounds: 2: expected with middle_layers above 0"):
         ServerSettings(late_rounds=2).engine()

@@ -59,7 +59,7 @@ async def wait_for_ever(url: str, asked: asyncio.Event) -> None:
             await source.receive(FrameDone, BufferFree)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_server_without_work_ends_in_order(number: signal.Signals) -> None:
     with serving() as (process, url):
 
