@@ -96,6 +96,7 @@ async def _asked(request: Request, name: str) -> Effect:
 def effect_router(service: Callable[[], Service]) -> APIRouter:
     """The routes under /effects; the application checks who asks."""
     router = APIRouter(prefix="/effects")
+    reading = asyncio.Lock()  # of one file at a time: while it is decoded, a picture takes hundreds of megabytes
 
     @router.get("")
     async def effects() -> dict[str, Any]:
@@ -114,18 +115,15 @@ def effect_router(service: Callable[[], Service]) -> APIRouter:
     async def put_content(name: str, what: str, request: Request) -> dict[str, Any]:
         if what not in _READERS:
             raise HTTPException(404, f"{what}: expected picture or mesh")
-        effect, (kind, read) = _known(service(), name), _READERS[what]
-        if not isinstance(effect, kind):
-            kinds = _described(name, effect)["kind"], "projector" if what == "picture" else "mesh"
-            raise HTTPException(409, f"{what}: for a {kinds[0]}: expected it for a {kinds[1]}")
-        if isinstance(effect, Projector) and effect.camera:
-            raise HTTPException(409, f"picture: for a projector of camera {effect.camera}: expected none")
+        _taking(service(), name, what)
         data = await read_body(request, MOST_BYTES)
         try:
-            content = await asyncio.to_thread(read, data)
+            async with reading:
+                content = await asyncio.to_thread(_READERS[what][1], data)
         except ValueError as error:
             raise HTTPException(400, str(error)) from error
-        await _put(service(), name, _known(service(), name), content)
+        effect = _taking(service(), name, what)  # it may be another one by now
+        await _put(service(), name, effect, content)
         return _described(name, effect)
 
     @router.delete("/{name}", status_code=204)
@@ -141,6 +139,18 @@ def _known(service: Service, name: str) -> Effect:
     effect = service.live.effects.get(name)
     if effect is None:
         raise HTTPException(404, f"effect: {name}: expected one of {', '.join(service.live.effects.names) or 'none'}")
+    return effect
+
+
+def _taking(service: Service, name: str, what: str) -> Effect:
+    """The effect of a name, which takes pictures or meshes (`what`); HTTPException 404 if there is none, 409 if it does
+    not take them."""
+    effect = _known(service, name)
+    if not isinstance(effect, _READERS[what][0]):
+        kinds = _described(name, effect)["kind"], "projector" if what == "picture" else "mesh"
+        raise HTTPException(409, f"{what}: for a {kinds[0]}: expected it for a {kinds[1]}")
+    if isinstance(effect, Projector) and effect.camera:
+        raise HTTPException(409, f"picture: for a projector of camera {effect.camera}: expected none")
     return effect
 
 

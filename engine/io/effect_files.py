@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageOps
+from PIL import ExifTags, Image
 
 from .glb_scene import GlbPart, read_glb
 
@@ -21,6 +22,11 @@ MOST_BYTES = 32 << 20  # of a file
 MOST_TRIANGLES = 1 << 18
 _MOST_PIXELS = 1 << 26  # of a picture: 8192 x 8192
 _SIDE = 2048  # larger pictures are reduced
+_TURNS = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT, 3: Image.Transpose.ROTATE_180, 4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE, 6: Image.Transpose.ROTATE_270, 7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_90,
+}  # by EXIF's orientation
 _AMBIENT = 0.6  # share of light that does not depend on a triangle's normal
 _LIGHT = np.array([-0.48, 0.36, 0.8])  # where the rest comes from: above, a little from behind and from the left
 
@@ -31,16 +37,28 @@ def read_picture(data: bytes) -> npt.NDArray[np.uint8]:  # [h, w, 4]
     Raises ValueError, which says what was expected, for anything else, and for one that is too large.
     """
     _check_size("picture", data)
+    with warnings.catch_warnings(action="ignore"):  # what is wrong and matters is an error
+        try:
+            image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
+            if image.width * image.height > _MOST_PIXELS:
+                raise ValueError(f"picture: {image.width} x {image.height} pixels: expected at most {_MOST_PIXELS}")
+            if image.mode in ("L", "LA", "RGB", "RGBA"):  # before it takes four bytes a pixel; others have no means
+                image.thumbnail((_SIDE, _SIDE), Image.Resampling.BOX)
+            found = image.convert("RGBA")
+        except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+            said = str(error).partition(" <_io")[0]  # without the address of our buffer
+            raise ValueError(f"picture: {len(data)} bytes: expected a whole PNG or JPEG picture ({said})") from error
+        found.thumbnail((_SIDE, _SIDE), Image.Resampling.BOX)
+        turn = _turn(image)
+    return np.array(found if turn is None else found.transpose(turn))
+
+
+def _turn(image: Image.Image) -> Image.Transpose | None:
+    """How a picture that was loaded is to be turned; None: not, or its EXIF data are damaged."""
     try:
-        image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
-        if image.width * image.height > _MOST_PIXELS:
-            raise ValueError(f"picture: {image.width} x {image.height} pixels: expected at most {_MOST_PIXELS}")
-        upright = ImageOps.exif_transpose(image).convert("RGBA")
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ValueError(f"picture: {len(data)} bytes: expected a whole PNG or JPEG picture ({error})") from error
-    if max(upright.size) > _SIDE:
-        upright.thumbnail((_SIDE, _SIDE), Image.Resampling.BOX)
-    return np.array(upright)
+        return _TURNS.get(image.getexif().get(ExifTags.Base.Orientation, 1))
+    except Exception:  # Pillow's reader of EXIF raises anything, which is no reason to refuse the picture
+        return None
 
 
 def read_mesh(data: bytes) -> tuple[GlbPart, ...]:

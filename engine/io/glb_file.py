@@ -80,7 +80,7 @@ class GlbFile:
         """A field of an object; `default` stands for a field that is not there, None: it must be there."""
         value: Any = holder.get(key, default) if isinstance(holder, dict) else None
         if kind is float and type(value) is int:
-            value = float(value)
+            value = float(value) if abs(value) < 1 << 1000 else math.inf
         if type(value) is not kind or (isinstance(value, float) and not math.isfinite(value)):
             raise ValueError(f"{name}: {str(value)[:_SHOWN]}: expected {kind.__name__}")
         found: T = value

@@ -76,8 +76,9 @@ def open_picture(data: bytes) -> Image.Image:
     """A picture of a part, of which only the head has been read; ValueError if it is none or too large."""
     try:
         image = Image.open(io.BytesIO(data))
-    except (OSError, Image.DecompressionBombError) as error:
-        raise ValueError(f"image: {len(data)} bytes: expected a picture ({error})") from error
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        said = str(error).partition(" <_io")[0]  # without the address of our buffer
+        raise ValueError(f"image: {len(data)} bytes: expected a picture ({said})") from error
     if image.width * image.height > _MOST_PIXELS:
         raise ValueError(f"image: {image.width} x {image.height} pixels: expected at most {_MOST_PIXELS}")
     return image
@@ -255,5 +256,6 @@ def _picture(file: GlbFile, number: Any, name: str) -> tuple[bytes, tuple[str, s
     sampler: Mapping[str, Any] = {}
     if "sampler" in texture:
         sampler = file.item("samplers", texture["sampler"], f"textures[{number}].sampler")
-    across, along = (names.get(sampler.get(key, _REPEAT), "repeat") for key in ("wrapS", "wrapT"))
+    ways = (file.field(sampler, key, int, f"textures[{number}].sampler.{key}", _REPEAT) for key in ("wrapS", "wrapT"))
+    across, along = (names.get(way, "repeat") for way in ways)
     return data, (across, along)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from farside.engine.io import effect_files
 from farside.engine.io.effect_files import read_mesh, read_picture
-from PIL import Image
+from PIL import ExifTags, Image
 from support.effects import FACES, cube_glb, discs, png
 
 
@@ -25,6 +26,22 @@ def test_a_large_picture_is_reduced():
     assert read_picture(png(np.zeros((100, 4096, 4), np.uint8))).shape == (50, 2048, 4)
 
 
+@pytest.mark.parametrize("kind", ["PNG", "JPEG"])
+def test_a_picture_is_turned_as_its_exif_says_and_damaged_exif_does_no_harm(kind):
+    shown, exif, file = Image.fromarray(discs()[..., :3]), Image.Exif(), io.BytesIO()
+    exif.update({ExifTags.Base.Orientation: 6, ExifTags.Base.Make: "camera", ExifTags.Base.XResolution: 72.0})
+    shown.save(file, kind, exif=exif, quality=100)
+    data, sides = file.getvalue(), {discs().shape[:2], discs().shape[1::-1]}
+    assert read_picture(data).shape[:2] == discs().shape[1::-1]
+    start, rng = data.index(b"MM\0*" if b"MM\0*" in data else b"II*\0"), np.random.default_rng(1)
+    for _ in range(300):
+        damaged = bytearray(data)
+        for place in rng.integers(start, start + 90, 3):
+            damaged[place] ^= int(rng.integers(1, 256))
+        with suppress(ValueError):  # and nothing else
+            assert read_picture(bytes(damaged)).shape[:2] in sides
+
+
 def test_what_is_no_picture_is_refused():
     for data in (b"", b"no picture", png(discs())[:200], cube_glb()):
         with pytest.raises(ValueError, match=rf"picture: {len(data)} bytes: expected a whole PNG or JPEG picture"):
@@ -33,6 +50,11 @@ def test_what_is_no_picture_is_refused():
     Image.fromarray(discs()[..., :3]).save(file, "BMP")
     with pytest.raises(ValueError, match="expected a whole PNG or JPEG"):
         read_picture(file.getvalue())
+
+
+def test_a_refusal_has_no_address_of_memory():
+    with pytest.raises(ValueError, match=r"\(cannot identify image file\)$"):
+        read_picture(b"no picture")
 
 
 def test_what_is_too_large_is_refused(monkeypatch):

@@ -231,6 +231,17 @@ BAD = {
         lambda m: with_texture(m, png(np.zeros((4, 4, 3)))),
         lambda m: m.whole["images"].__setitem__(0, {"uri": "a.png"}), r"images\[0\]: a.png: expected a picture in the",
     ),
+    "a way to repeat that is no number": (
+        lambda m: with_texture(m, png(np.zeros((4, 4, 3)))),
+        lambda m: m.whole.update(samplers=[{"wrapS": []}]) or m.whole["textures"][0].update(sampler=0),
+        r"textures\[0\].sampler.wrapS: \[\]: expected int",
+    ),
+    "a vast angle": (
+        lambda m: with_texture(m, png(np.zeros((4, 4, 3)))),
+        lambda m: m.whole["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"].update(
+            extensions={"KHR_texture_transform": {"rotation": 10**400}}
+        ), "rotation: inf: expected float",
+    ),
     "a vast picture": (lambda m: with_texture(m, vast_png()), None, r"image: \d+ bytes: expected .*400000000"),
 }  # fmt: skip
 

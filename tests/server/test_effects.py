@@ -8,6 +8,7 @@ import http.client
 import json
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -122,6 +123,38 @@ def test_bad_input_is_told_and_changes_nothing(
     found, answer = ask(url, method, path, body)
     assert (found, said in answer["detail"]) == (status, True), answer
     assert ask(url, "GET", "/effects") == before
+
+
+def test_files_are_decoded_one_at_a_time_and_for_the_effect_that_is_there_then(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, go_on, most, now = threading.Event(), threading.Event(), [], [0]
+
+    def slow(data: bytes) -> np.ndarray:
+        now[0] += 1
+        most.append(now[0])
+        begun.set()
+        assert go_on.wait(60)
+        now[0] -= 1
+        return np.zeros((4, 4, 4), np.uint8)
+
+    monkeypatch.setitem(routes._READERS, "picture", (Projector, slow))
+    names = [f"slow{k}" for k in range(4)]
+    for name in names:
+        assert ask(url, "PUT", f"/effects/{name}", PROJECTOR)[0] == 200
+    with ThreadPoolExecutor(4) as pool:
+        answers = [pool.submit(ask, url, "PUT", f"/effects/{name}/picture", PNG) for name in names]
+        assert begun.wait(60)
+        for name in names[:3]:
+            assert ask(url, "PUT", f"/effects/{name}", MESH)[0] == 200
+        assert ask(url, "DELETE", "/effects/slow3")[0] == 204
+        go_on.set()
+    told = [answer.result() for answer in answers]
+    assert [status for status, _ in told] == [409, 409, 409, 404]
+    assert told[0][1]["detail"].startswith("picture: for a mesh: expected it for a projector")
+    assert set(most) == {1}
+    for name in names[:3]:
+        assert ask(url, "DELETE", f"/effects/{name}")[0] == 204
 
 
 def test_what_is_too_long_is_not_read(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
