@@ -47,6 +47,7 @@ _KINDS = {
     "closest": _Kind(Points.of, ("points",), "within"),
     "overlaps": _Kind(Spheres.of, ("centres",), "radii", needed=True, options={"listed": (int, 0)}),
 }
+_LISTED = 4  # triangles listed in an answer, as a multiple of the most spheres that may be asked for
 _FLOATS: dict[str, np.dtype[Any]] = {"float32": np.dtype("<f4"), "float64": np.dtype("<f8")}
 
 
@@ -99,6 +100,9 @@ def _read(body: bytes, kind: str, most: int) -> tuple[str, dict[str, Any], str]:
             expected = "true or false" if type_ is bool else "an integer"
             raise ValueError(f"{name}: {_shown(value)}: expected {expected}")
         arguments[name] = value
+    corners = arguments.get("listed", 0) * max(len(arguments[name]) for name in asked.places)
+    if corners > _LISTED * most:
+        raise HTTPException(413, f"listed: {corners} triangles in all: expected at most {_LISTED * most}")
     asked.check(**{name: value for name, value in arguments.items() if name != "farthest"})
     return question, arguments, floats
 

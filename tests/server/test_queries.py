@@ -7,7 +7,7 @@ import json
 import math
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import httpx
 import msgpack
@@ -346,6 +346,46 @@ def test_pictures_come_while_a_question_is_being_answered() -> None:
             assert (await asking).json() == {"free": [True]}
 
         asyncio.run(with_frame(url, scenario))
+
+
+class Counts(FakeCore):
+    """A core that answers with what it was asked, as long as the gate is open, and notes how much that was."""
+
+    asked: ClassVar[list[int]] = []
+
+    def query(self, question: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        ANSWERING.pass_through()
+        self.asked.append(len(arguments["centres"]))
+        return {"counts": arguments["radii"].astype(np.int32), "frame": len(self.asked)}
+
+
+def test_a_long_question_is_answered_in_parts_between_which_others_have_their_turn() -> None:
+    ANSWERING.close()
+    radii = np.arange(1, 3001)
+    long = {"query": "overlaps", "centres": np.zeros((3000, 3), "<f4"), "radii": radii.astype("<f4")}
+    with running(Counts) as url:
+        async def scenario() -> None:
+            asking = asyncio.create_task(asyncio.to_thread(ask_packed, url, long))
+            await asyncio.to_thread(ANSWERING.entered.wait, 20.0)
+            short = {"query": "overlaps", "centres": [[0.0, 0.0, 0.0]], "radii": [7.0]}
+            other = asyncio.create_task(asyncio.to_thread(ask, url, short))
+            await asyncio.sleep(0.5)  # until it waits
+            ANSWERING.open()
+            answer = await asking
+            np.testing.assert_array_equal(np.frombuffer(answer["counts"], "<i4"), radii)
+            assert (await other).json()["counts"] == [7]
+            assert Counts.asked == [1024, 1, 1024, 952]
+            assert answer["frame"] == 4
+
+        asyncio.run(with_frame(url, scenario))
+
+
+def test_more_triangles_than_an_answer_may_list_are_refused() -> None:
+    vast = {"query": "overlaps", "centres": 100 * [[0.0, 0.0, 0.0]], "radii": 1.0, "listed": 41}
+    with running(FakeCore, max_queries=1000) as url:
+        answer = ask(url, vast)
+        told = "listed: 4100 triangles in all: expected at most 4000"
+        assert (answer.status_code, answer.json()["detail"]) == (413, told)
 
 
 def test_an_engine_that_is_lost_is_told() -> None:
