@@ -43,8 +43,8 @@ class EffectUpdate:
     @classmethod
     def _read(cls, reader: Reader) -> Self:
         name, kind = reader.label("name", MAX_NAME), reader.choice("kind", KINDS)
-        if not name:
-            raise reader.fail("name", name, f"1 to {MAX_NAME} characters")
+        if not name or "\ufffd" in name:  # U+FFFD: an address had bytes that are no UTF-8
+            raise reader.fail("name", name, f"1 to {MAX_NAME} characters in UTF-8")
         placed = name, kind, reader.vector("position"), reader.quaternion("orientation")
         if kind == "mesh":
             return cls(*placed, scale=reader.number("scale", *_SCALE) if reader.has("scale") else 1.0)

@@ -101,6 +101,7 @@ BAD: list[tuple[str, str, Any, int, str]] = [
     ("PUT", "/effects/a", {**PROJECTOR, "axes": "up"}, 400, "axes: up: expected one of omaf, openxr"),
     ("PUT", "/effects/a", {**MESH, "scale": 0}, 400, "scale: 0: expected a number from 1e-06"),
     ("PUT", "/effects/" + 101 * "a", MESH, 400, "name: aaa"),
+    ("PUT", "/effects/%ff", MESH, 400, "name: \ufffd: expected 1 to 100 characters in UTF-8"),
     ("PUT", "/effects/a", b" " * 70000, 413, "body: more than 65536 bytes"),
     ("PUT", "/effects/none/picture", PNG, 404, "effect: none: expected one of screen, cube"),
     ("PUT", "/effects/screen/sound", PNG, 404, "sound: expected picture or mesh"),
