@@ -212,8 +212,8 @@ class Live(AbstractAsyncContextManager["Live"]):
         return {name: viewer.view for name, viewer in list(self._viewers.items())}
 
     def _fail(self, frame: Frame, settled: asyncio.Future[Settled], error: Exception) -> None:
-        why = None if isinstance(error, CoreLostError) else error
-        _log.error("frame %d could not be taken: %s", frame.index, error, exc_info=why)
+        trace = None if isinstance(error, CoreLostError) else error  # a lost engine says all in a line
+        _log.error("frame %d could not be taken: %s", frame.index, error, exc_info=trace)
         self.frames["failed"] += 1
         if not settled.done():
             settled.set_exception(error)
@@ -282,8 +282,7 @@ class Live(AbstractAsyncContextManager["Live"]):
         """Figures for people and monitors: milliseconds, the longest of the last `seconds`, and rates in 1/s."""
         source = self.source
         return {
-            "source": source
-            and {"name": source.name, "fps": source.fps, "cameras": [c.name for c in source.cameras]},
+            "source": source and {"name": source.name, "fps": source.fps, "cameras": [c.name for c in source.cameras]},
             "frames": dict(self.frames),
             "left_out": self.left_out.counts(),
             "updating": self._updates.since(math.inf),
