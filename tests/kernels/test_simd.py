@@ -7,10 +7,10 @@ import operator
 import numba
 import numpy as np
 import pytest
-from farside.engine.kernels.base import memory, simd, simd_numpy
-from farside.engine.kernels.base.memory import load, store
+from farside.engine.kernels.base import memory, records, records_numpy, simd, simd_numpy
+from farside.engine.kernels.base.memory import address_of, load, store
 from farside.engine.kernels.base.simd import LANES, evens, maximum, minimum, odds, select, spread
-from farside.engine.kernels.base.vectors_numpy import Floats
+from farside.engine.kernels.base.vectors_numpy import Floats, Integers, Mask
 
 rng = np.random.default_rng(0)
 X, Y = rng.uniform(-9, 9, LANES).astype(np.float32), rng.uniform(1, 9, LANES).astype(np.float32)
@@ -216,7 +216,7 @@ def test_packed_are_those_where_the_mask_is_true(least):
 
     expected = x[x > least].astype(np.int32)
     assert run(x.ctypes.data, out.ctypes.data) == len(expected)
-    np.testing.assert_array_equal(out, [*expected, *[-7] * (LANES - len(expected))])
+    np.testing.assert_array_equal(out[: len(expected)], expected)
 
 
 def test_the_larger_is_stored():
@@ -244,3 +244,36 @@ def test_masked_memory_is_touched_only_where_the_mask_is_true():
     move(source.ctypes.data, target.ctypes.data, bytes_.ctypes.data, 6)
     np.testing.assert_array_equal(target, [-1, *(source[:6] + 1), *[-1] * 11])
     np.testing.assert_array_equal(bytes_, [7, 7, *[300 & 255] * 6, *[7] * 12])
+
+
+def test_records_are_gathered_field_by_field():
+    data = rng.uniform(-9, 9, (50, 4)).astype(np.float32)
+    index = rng.integers(0, 50, LANES).astype(np.float32)
+    index[[2, 9]] = 2e9  # beyond all memory: masked out
+    out = np.empty((4, LANES), np.float32)
+
+    @numba.njit
+    def run(data, index, out):
+        fields = records.gather_records(data, as_integers(load(index, 0)), load(index, 0) < 1000.0)
+        for k in range(4):
+            store(out, k * LANES, fields[k])
+
+    run(data.ctypes.data, index.ctypes.data, out.ctypes.data)
+    chosen = np.where(index < 1000, index, 0).astype(int)
+    np.testing.assert_array_equal(out, data[chosen].T)
+    twin = records_numpy.gather_records(address_of(data), Integers(chosen.astype(np.int32)), Mask(index < 1000))
+    np.testing.assert_array_equal([field.lanes for field in twin], out)
+
+
+def test_triples_are_loaded_field_by_field():
+    data, out = rng.integers(-1000, 1000, (LANES + 2, 3)).astype(np.int32), np.empty((3, LANES), np.float32)
+
+    @numba.njit
+    def run(data, out):
+        fields = records.load_triples(data, 2)
+        for k in range(3):
+            store(out, k * LANES, as_floats(fields[k]))
+
+    run(data.ctypes.data, out.ctypes.data)
+    np.testing.assert_array_equal(out, data[2:].T)
+    np.testing.assert_array_equal([field.lanes for field in records_numpy.load_triples(address_of(data), 2)], out)

@@ -112,12 +112,17 @@ def store_byte_where(typingctx: Any, address: Any, index: Any, number: Any, mask
 
 @intrinsic
 def store_packed(typingctx: Any, address: Any, values: Any, mask: Any) -> Any:
-    """Write those integers where the mask is true side by side to int32 from address on; returns how many."""
+    """Write those integers where the mask is true side by side to int32 from address on; returns how many. There must
+    be room for sixteen: what is behind them counts for nothing afterwards.
+
+    They are packed in a register: a store that packs takes some processors 140 cycles."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        place = builder.inttoptr(args[0], ir.PointerType())
-        call_intrinsic(builder, f"llvm.masked.compressstore.v{LANES}i32", ir.VoidType(), args[1], place, args[2])
-        bits = builder.bitcast(args[2], ir.IntType(LANES))
+        address, values, mask = args
+        name, nothing = f"llvm.experimental.vector.compress.v{LANES}i32", ir.Constant(values.type, ir.Undefined)
+        packed = call_intrinsic(builder, name, values.type, values, mask, nothing)
+        builder.store(packed, builder.inttoptr(address, ir.PointerType()), align=4)
+        bits = builder.bitcast(mask, ir.IntType(LANES))
         return builder.zext(call_intrinsic(builder, f"llvm.ctpop.i{LANES}", bits.type, bits), ir.IntType(64))
 
     return types.int64(types.int64, INTEGERS, MASK), codegen

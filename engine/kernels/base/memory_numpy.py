@@ -153,10 +153,10 @@ def store_byte_where(address: int, index: int, number: int, mask: Mask) -> None:
 
 
 def store_packed(address: int, values: Integers, mask: Mask) -> int:
-    """Write those integers where the mask is true side by side to int32 from address on; returns how many."""
+    """Write those integers where the mask is true side by side to int32 from address on; returns how many. There must
+    be room for sixteen: what is behind them counts for nothing afterwards."""
     chosen = values.lanes[mask.lanes]
-    if len(chosen):
-        bytes_at(address, 0, 4, len(chosen)).view(np.int32)[:] = chosen
+    bytes_at(address, 0, 4, LANES).view(np.int32)[:] = np.pad(chosen, (0, LANES - len(chosen)), constant_values=-1)
     return len(chosen)
 
 

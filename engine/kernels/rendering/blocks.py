@@ -12,6 +12,7 @@ from ...support.packed import CX, CY, FX, FY, HEIGHT, KIND, PERSPECTIVE, WIDTH
 from ..base.jit import inlined, inlined_late, parallel, serial
 from ..base.memory import gather_floats, store_byte_where
 from ..base.project import point_in_camera
+from ..base.records import gather_records
 from ..base.simd import LANES, Mask, lane_numbers, to_integers
 from .tiles import TILE
 
@@ -113,12 +114,11 @@ def _transform(points: F32, first: int, last: int, camera: F64, screen: F32) -> 
 @inlined_late
 def _is_nearer(screen: int, i: int, among: Mask, disparity: int, width: int, height: int, margin: float) -> Mask:
     """Which of sixteen points from i on are nearer, see `place_points`."""
-    fields = (to_integers(lane_numbers()) << 2) + 4 * i
-    u, v = gather_floats(screen, fields, among), gather_floats(screen, fields + 1, among)
+    u, v, q, _ = gather_records(screen, to_integers(lane_numbers()) + i, among)
     inside = among & (u >= 0.0) & (v >= 0.0) & (u < np.float32(width)) & (v < np.float32(height))
     pixel = to_integers(v) * width + to_integers(u)
     drawn = gather_floats(disparity, pixel, inside)
-    return ~inside | (drawn <= 0.0) | (gather_floats(screen, fields + 2, among) > drawn + np.float32(margin))
+    return ~inside | (drawn <= 0.0) | (q > drawn + np.float32(margin))
 
 
 @serial

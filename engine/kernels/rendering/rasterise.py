@@ -19,7 +19,18 @@ from ..base.jit import parallel, serial
 from ..base.simd import LANES
 from .records import Bands, DepthBuffer, Rows
 from .sorting import winding
-from .strips import CLIPPED, SET_UP_SIZE, draw_triangle, prepared, row_count, set_up
+from .strips import (
+    CLIPPED,
+    SET_UP_SIZE,
+    SPECKS_SIZE,
+    draw_speck,
+    draw_triangle,
+    find_specks,
+    pixels_of,
+    prepared,
+    row_count,
+    set_up,
+)
 
 __all__ = ["draw_bands"]
 
@@ -72,22 +83,27 @@ def _draw_clipped(
 @serial
 def _draw_listed(
     screen: F32, triangles: I32, listed: I32, camera: F64, near: float, rows: Rows, view: int, margin: float,
-    buffer: DepthBuffer, ready: F32,
+    buffer: DepthBuffer, room: F32,
 ) -> None:  # fmt: skip
-    """Draw listed triangles into the rows `rows`; ready [SET_UP_SIZE]: scratch memory."""
+    """Draw listed triangles into the rows `rows`; room [SET_UP_SIZE + SPECKS_SIZE]: scratch memory."""
     disparity, winner = buffer
     h, w = disparity.shape
     count, second, numbers = listed.shape[0], winding(camera), listed.ctypes.data
     near_, margin_ = np.float32(near), np.float32(margin)
+    ready, specks = room.ctypes.data, room.ctypes.data + 4 * SET_UP_SIZE
     for k in range(0, count, LANES):
         n = min(LANES, count - k)
         set_up(
             screen.ctypes.data, triangles.ctypes.data, numbers + 4 * k, n, second, near_, rows, (w, h),
-            ready.ctypes.data,
+            ready,
         )  # fmt: skip
+        find_specks(ready, specks)
         for lane in range(n):
-            triangle = prepared(ready.ctypes.data, lane)
-            if row_count(triangle) == CLIPPED:
+            triangle, pixels = prepared(ready, lane), pixels_of(specks, lane)
+            if pixels >= 0:
+                if pixels > 0:
+                    draw_speck(triangle, specks, lane, disparity, winner, margin_, view)
+            elif row_count(triangle) == CLIPPED:
                 _draw_clipped(screen, triangles[listed[k + lane]], camera, near, rows, view, margin_, buffer)
             else:
                 draw_triangle(triangle, disparity.ctypes.data, winner.ctypes.data, w, margin_, view)
@@ -104,9 +120,9 @@ def draw_bands(
         half = (count + 1) // 2
         band = 2 * task if task < half else 2 * (task - half) + 1
         rows = (band * bands.rows, min((band + 1) * bands.rows, height) - 1)
-        ready = np.empty(SET_UP_SIZE, np.float32)
+        room = np.empty(SET_UP_SIZE + SPECKS_SIZE, np.float32)
         for chunk in range(bands.counts.shape[0]):
             listed = bands.lists[chunk, band, : bands.counts[chunk, band]]
-            _draw_listed(screen, triangles, listed, camera, near, rows, view, margin, buffer, ready)
+            _draw_listed(screen, triangles, listed, camera, near, rows, view, margin, buffer, room)
 
 

@@ -9,6 +9,7 @@ from ...support.array_types import F32, F64, I32, I64
 from ...support.packed import FX, FY, HEIGHT, WIDTH
 from ..base.jit import inlined, parallel, serial
 from ..base.memory import VECTOR_BYTES, gather_bytes, store_packed
+from ..base.records import gather_records
 from ..base.simd import (
     LANES,
     Floats,
@@ -23,7 +24,7 @@ from ..base.simd import (
     to_integers,
 )
 from .records import Bands, Regions, VisibleBlocks
-from .strips import Corners, corners, extent, on_screen
+from .strips import Corners, corners, corners_side_by_side, extent
 from .tiles import HOLE, SILHOUETTE, TILE
 
 __all__ = ["sort_into_bands", "winding"]
@@ -73,17 +74,16 @@ def _may_win(
 
 @serial
 def _look_at(
-    screen: int, triangles: int, number: Integers, among: Mask, second: int, size: tuple[int, int], near: float,
-    regions: Regions,
-) -> tuple[Mask, Floats, Floats]:  # fmt: skip
-    """For sixteen triangles: whether they are to be drawn, and the first and last row that they may touch."""
+    screen: int, points: Corners, among: Mask, size: tuple[int, int], near: float, regions: Regions
+) -> tuple[Mask, Floats, Floats]:
+    """For sixteen triangles with these corners: whether they are to be drawn, and the first and last row that they may
+    touch."""
     (width, height), (tiles, open_tiles, nearer) = size, regions
-    points = corners(triangles, number, second, among)
-    xa, xb, xc = on_screen(screen, points, 3, among)
+    ua, va, _, xa = gather_records(screen, points[0], among)
+    ub, vb, _, xb = gather_records(screen, points[1], among)
+    uc, vc, _, xc = gather_records(screen, points[2], among)
     before = among & (minimum(xa, minimum(xb, xc)) >= np.float32(near))
     crosses = among & ~before & (maximum(xa, maximum(xb, xc)) >= np.float32(near))  # clipped when drawn
-    ua, ub, uc = on_screen(screen, points, 0, among)
-    va, vb, vc = on_screen(screen, points, 1, among)
     (first_column, last_column), (first, last) = extent(ua, ub, uc, width), extent(va, vb, vc, height)
     shows = before & ((ub - ua) * (vc - va) - (uc - ua) * (vb - va) < 0.0)
     shows &= (first_column <= last_column) & (first <= last)
@@ -91,7 +91,7 @@ def _look_at(
         low, high = minimum(va, minimum(vb, vc)), maximum(va, maximum(vb, vc))
         limits = (minimum(ua, minimum(ub, uc)), maximum(ua, maximum(ub, uc)), low, high)
         if tiles.size > 0:
-            box, marks = (limits[0], limits[1], first, last), (number & 0) + 255
+            box, marks = (limits[0], limits[1], first, last), (points[0] & 0) + 255
             shows = _touch(tiles.ctypes.data, tiles.shape[1], tiles.shape[0], box, marks, shows)
         if open_tiles.size > 0:
             shows = _may_win(
@@ -114,6 +114,7 @@ def sort_into_bands(
     starts, visible, shares = blocks
     band_rows, counts, lists = bands
     size, second = (int(camera[WIDTH]), int(camera[HEIGHT])), winding(camera)
+    bands_a_row = np.float32(1.0 / band_rows)  # times a row's middle: rounding never takes it across
     for chunk in numba.prange(counts.shape[0]):
         drawn[chunk] = 0
         for band in range(counts.shape[1]):
@@ -124,15 +125,17 @@ def sort_into_bands(
             for t in range(starts[block, 1], starts[block + 1, 1], LANES):
                 among = lane_numbers() < np.float32(starts[block + 1, 1] - t)
                 number = to_integers(lane_numbers()) + t
-                shows, first, last = _look_at(
-                    screen.ctypes.data, triangles.ctypes.data, number, among, second, size, near, regions
-                )
+                if t + LANES <= triangles.shape[0]:
+                    points = corners_side_by_side(triangles.ctypes.data, t, second)
+                else:
+                    points = corners(triangles.ctypes.data, number, second, among)
+                shows, first, last = _look_at(screen.ctypes.data, points, among, size, near, regions)
                 n = store_packed(found.ctypes.data, number, shows)
-                store_packed(found.ctypes.data + VECTOR_BYTES, to_integers(first), shows)
-                store_packed(found.ctypes.data + 2 * VECTOR_BYTES, to_integers(last), shows)
+                store_packed(found.ctypes.data + VECTOR_BYTES, to_integers((first + 0.5) * bands_a_row), shows)
+                store_packed(found.ctypes.data + 2 * VECTOR_BYTES, to_integers((last + 0.5) * bands_a_row), shows)
                 drawn[chunk] += n
                 for i in range(n):
-                    for band in range(found[1, i] // band_rows, found[2, i] // band_rows + 1):
+                    for band in range(found[1, i], found[2, i] + 1):
                         lists[chunk, band, counts[chunk, band]] = found[0, i]
                         counts[chunk, band] += 1
 

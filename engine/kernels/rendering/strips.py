@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined_late, serial
+from ...support.array_types import F32, U8
+from ..base.jit import inlined, inlined_late, serial
 from ..base.memory import (
-    gather_floats,
     gather_integers,
     load,
     load_f32,
@@ -25,6 +25,7 @@ from ..base.memory import (
     store_larger,
     store_where,
 )
+from ..base.records import gather_records, load_triples
 from ..base.simd import (
     LANES,
     Floats,
@@ -45,11 +46,15 @@ __all__ = [
     "CLIPPED",
     "SET_UP_SIZE",
     "SIDE_PX",
+    "SPECKS_SIZE",
     "Corners",
     "corners",
+    "corners_side_by_side",
+    "draw_speck",
     "draw_triangle",
     "extent",
-    "on_screen",
+    "find_specks",
+    "pixels_of",
     "prepared",
     "row_count",
     "set_up",
@@ -62,6 +67,7 @@ CLIPPED = -1  # instead of a number of rows: the triangle crosses the plane of t
 # that pixel and its change per column and per row; the same for disparity, and its least and largest value.
 _COLUMN, _ROW, _COLUMNS, _ROWS, _SIDES, _PLANE, _FIELDS = 0, 1, 2, 3, 4, 13, 18
 SET_UP_SIZE = _FIELDS * LANES
+SPECKS_SIZE = 5 * LANES
 
 Corners = tuple[Integers, Integers, Integers]
 
@@ -76,10 +82,12 @@ def corners(triangles: int, number: Integers, second: int, among: Mask) -> Corne
 
 
 @inlined_late
-def on_screen(screen: int, points: Corners, field: int, among: Mask) -> tuple[Floats, Floats, Floats]:
-    """One of the four fields of triangles' points; `screen`: address of float32 [n, 4]."""
-    a, b, c = (points[0] << 2) + field, (points[1] << 2) + field, (points[2] << 2) + field
-    return gather_floats(screen, a, among), gather_floats(screen, b, among), gather_floats(screen, c, among)
+def corners_side_by_side(triangles: int, first: int, second: int) -> Corners:
+    """As `corners` of sixteen triangles from number `first` on."""
+    a, b, c = load_triples(triangles, first)
+    if second == 2:
+        b, c = c, b
+    return a, b, c
 
 
 @inlined_late
@@ -124,10 +132,9 @@ def set_up(
     (first, last), (width, height) = rows, size
     among = lane_numbers() < np.float32(count)
     points = corners(triangles, gather_integers(listed, to_integers(lane_numbers()), among), second, among)
-    ua, ub, uc = on_screen(screen, points, 0, among)
-    va, vb, vc = on_screen(screen, points, 1, among)
-    qa, qb, qc = on_screen(screen, points, 2, among)
-    xa, xb, xc = on_screen(screen, points, 3, among)
+    ua, va, qa, xa = gather_records(screen, points[0], among)
+    ub, vb, qb, xb = gather_records(screen, points[1], among)
+    uc, vc, qc, xc = gather_records(screen, points[2], among)
     behind = minimum(xa, minimum(xb, xc)) < np.float32(near)
     rise_a, rise_b, rise_c = vb - va, vc - vb, va - vc
     run_a, run_b, run_c = ub - ua, uc - ub, ua - uc
@@ -157,6 +164,53 @@ def set_up(
     farther = qc < qa
     ua, va, qa = select(farther, uc, ua), select(farther, vc, va), select(farther, qc, qa)
     _put(out, _PLANE, qa + q_du * (u - ua) + q_dv * (v - va))
+
+
+@serial
+def find_specks(ready: int, specks: int) -> None:
+    """Which pixels the sixteen triangles cover that `set_up` prepared at `ready`, of those that can cover no more than
+    2 x 2: specks, as most triangles are at depth edges.
+
+    specks: address of float32 [SPECKS_SIZE]: for each triangle, bits of the pixels that it covers in reading order, or
+    -1: it is no speck; then the disparities at these four pixels. They are those of `draw_triangle`.
+    """
+    columns, rows = load(ready, _COLUMNS * LANES), load(ready, _ROWS * LANES)
+    small = (columns <= 2.0) & (rows <= 2.0) & (rows >= 0.0)
+    hits = spread(0.0)
+    for pixel in range(4):
+        x, y = np.float32(pixel & 1), np.float32(pixel >> 1)
+        inside = small & (columns > x) & (rows > y)
+        for side in range(3):
+            at = (_SIDES + 3 * side) * LANES
+            first = load(ready, at + LANES) * x + load(ready, at)
+            inside &= load(ready, at + 2 * LANES) * y + first >= 0.0
+        first = load(ready, (_PLANE + 1) * LANES) * x + load(ready, _PLANE * LANES)
+        q = load(ready, (_PLANE + 2) * LANES) * y + first
+        q = minimum(maximum(q, load(ready, (_PLANE + 3) * LANES)), load(ready, (_PLANE + 4) * LANES))
+        store(specks, (1 + pixel) * LANES, q)
+        hits += select(inside, spread(np.float32(1 << pixel)), 0.0)
+    store(specks, 0, select(small, hits, -1.0))
+
+
+@inlined_late
+def pixels_of(specks: int, lane: int) -> int:
+    """The bits of the pixels that triangle `lane` covers; -1: it is no speck. See `find_specks`."""
+    return int(load_f32(specks, lane))
+
+
+@inlined
+def draw_speck(
+    triangle: int, specks: int, lane: int, disparity: F32, winner: U8, margin: float, view: int
+) -> None:
+    """As `draw_triangle` of a speck that covers a pixel; `triangle` is its `prepared` address."""
+    left, top, hits = int(_get(triangle, _COLUMN)), int(_get(triangle, _ROW)), pixels_of(specks, lane)
+    for pixel in range(4):
+        if hits & (1 << pixel):
+            x, y = left + (pixel & 1), top + (pixel >> 1)
+            q, before = load_f32(specks, (1 + pixel) * LANES + lane), disparity[y, x]
+            if q > (before + margin if before > np.float32(0.0) else np.float32(0.0)):
+                disparity[y, x] = q
+                winner[y, x] = view
 
 
 @inlined_late
