@@ -17,9 +17,10 @@ __all__ = ["Mesh"]
 class Mesh:
     """Triangles back-projected from one view (paper Fig. 4); all have the same winding as seen from the view.
 
-    points float32 [n, 3] relative to the scene origin, metres; uv float32 [n, 2], the source picture's
-    coordinates (pixel centres at +0.5); triangles int32 [m, 3]. block_starts int64 [b + 1, 2]: where each block's
-    points and triangles start; a block's triangles use its own points only. None: the mesh is one block.
+    points float32 [n, 3] relative to the scene origin, metres; uv float32 [n, 2], the source picture's coordinates
+    (pixel centres at +0.5), or [0, 2] if the mesh is only drawn; triangles int32 [m, 3]. block_starts int64 [b + 1, 2]:
+    where each block's points and triangles start; a block's triangles use its own points only. None: the mesh is one
+    block.
     """
 
     points: npt.NDArray[np.float32]
@@ -37,8 +38,19 @@ class Mesh:
     @lazy
     def spheres(self) -> npt.NDArray[np.float32]:  # [b, 4]
         """Centre and radius, metres, of a sphere round each block's points; a negative radius for an empty block."""
-        spheres = np.empty((len(self.starts) - 1, 4), np.float32)
-        bound_blocks(self.points, self.starts, spheres)
+        count = len(self.starts) - 1
+        return self._bound(np.empty((count, 4), np.float32), np.ones(count, np.uint8))
+
+    def take_spheres(self, before: Mesh, remade: npt.NDArray[np.uint8]) -> None:  # [b]
+        """Take over the spheres that an earlier mesh has, if it has any, except for blocks that are `remade`."""
+        known = before.__dict__.get("spheres")
+        if known is not None:
+            self.__dict__["spheres"] = self._bound(known.copy(), remade)
+
+    def _bound(
+        self, spheres: npt.NDArray[np.float32], which: npt.NDArray[np.uint8]
+    ) -> npt.NDArray[np.float32]:  # [b, 4]
+        bound_blocks(self.points, self.starts, which, spheres)
         return spheres
 
     def warm(self) -> None:

@@ -21,7 +21,8 @@ from ..support.packed import HEIGHT, RADIANS_A_COLUMN, RADIANS_A_ROW, WIDTH
 from .completion import Completed, complete
 from .mesh import Mesh
 from .minification import Level, halved, level_for
-from .triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
+from .triangulation import TriangulationOptions, depth_cuts, triangulate
+from .triangulator import Triangulator
 
 __all__ = ["Part", "PreparedView", "ViewTable", "pixels_per_radian"]
 
@@ -99,6 +100,10 @@ class PreparedView:
             mesh, cuts = self.triangulator.triangulate(self.view.camera, codes, self.options, self.origin)
             self._cuts = cuts if self._cuts is None else self._cuts  # kept: a table may hold its address
             return mesh
+        if part == "rims" and doubtful is None and self.triangulator is not None:
+            known_rims = self.triangulator.rims(self.cuts)
+            if known_rims is not None:
+                return known_rims
         if part == "surface" and doubtful is not None:
             codes = np.where(doubtful, np.uint16(0), codes)
         keep, rims = doubtful if part == "doubtful" else None, part == "rims"

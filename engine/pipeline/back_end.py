@@ -18,7 +18,7 @@ from ..background.seed import Seed
 from ..background.state import CameraState
 from ..geometry.prepared_view import PreparedView, ViewTable
 from ..geometry.scene_scale import Scene
-from ..geometry.triangulation import Triangulator
+from ..geometry.triangulator import Triangulator
 from ..rendering.renderer import FrameContent, PreparedFrame, Renderer
 from ..rig.camera import Camera
 from ..rig.frame import Fault, Frame

@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from farside.engine.geometry.triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
+from farside.engine.geometry.triangulation import TriangulationOptions, depth_cuts, triangulate
+from farside.engine.geometry.triangulator import Triangulator
 from farside.engine.kernels.geometry import changes
 from farside.engine.rig.camera import Camera, Equirectangular, Perspective, Pose
 from farside.engine.rig.depth import DepthCoding
@@ -324,6 +325,12 @@ def changed_somewhere(rng, codes):
     return codes
 
 
+def assert_same(mesh, fresh):
+    for name in ("points", "triangles", "starts", "spheres"):
+        np.testing.assert_array_equal(getattr(mesh, name), getattr(fresh, name))
+    assert mesh.uv.shape == (0, 2)
+
+
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(
     st.sampled_from([FLAT, PARTIAL, WRAPPING]),
@@ -345,9 +352,12 @@ def test_a_sequence_is_triangulated_as_its_frames_are(kind, size, block, toleran
             camera = dataclasses.replace(camera, pose=Pose.from_euler((0.0, 1.0, 0.5), 0.1, 0.0, 0.0))
         mesh, flags = triangulator.triangulate(camera, codes, chosen, ORIGIN)
         fresh = triangulate(camera, codes, chosen, origin=ORIGIN)
-        for name in ("points", "uv", "triangles", "starts"):
-            np.testing.assert_array_equal(getattr(mesh, name), getattr(fresh, name))
+        assert_same(mesh, fresh)
         np.testing.assert_array_equal(flags, depth_cuts(camera, codes, chosen))
+        if frame != 1:  # rims are not always asked for
+            assert_same(triangulator.rims(flags), triangulate(camera, codes, chosen, origin=ORIGIN, rims=True))
+        if handed_out:
+            assert (triangulator.rims(handed_out[-1][2]) is None) == (handed_out[-1][2] is not flags)
         handed_out.append((mesh, fresh, flags, flags.copy()))
         codes = changed_somewhere(rng, codes)
     for mesh, fresh, flags, then in handed_out:  # they have not changed since

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from farside.engine.evaluation.metrics import psnr
 from farside.engine.geometry import mesh, prepared_view
-from farside.engine.geometry.triangulation import Triangulator
+from farside.engine.geometry.triangulator import Triangulator
 from farside.engine.pipeline.engine import Engine
 from farside.engine.rig.camera import Perspective, Pose
 from farside.engine.rig.frame import Frame

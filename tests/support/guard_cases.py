@@ -31,7 +31,8 @@ from farside.engine.geometry.embree import EmbreeError
 from farside.engine.geometry.mesh import Mesh
 from farside.engine.geometry.minification import level_for
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
-from farside.engine.geometry.triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
+from farside.engine.geometry.triangulation import TriangulationOptions, depth_cuts, triangulate
+from farside.engine.geometry.triangulator import Triangulator
 from farside.engine.io.glb_scene import GlbPart
 from farside.engine.io.images import decode_jpeg, encode_jpeg
 from farside.engine.kernels.base.tone import IDENTITY

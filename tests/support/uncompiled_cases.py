@@ -20,7 +20,8 @@ import numpy as np
 from farside.engine.geometry.completion import complete
 from farside.engine.geometry.minification import Level, halved
 from farside.engine.geometry.prepared_view import PreparedView, ViewTable
-from farside.engine.geometry.triangulation import TriangulationOptions, Triangulator, depth_cuts, triangulate
+from farside.engine.geometry.triangulation import TriangulationOptions, depth_cuts, triangulate
+from farside.engine.geometry.triangulator import Triangulator
 from farside.engine.io.images import encode_jpeg
 from farside.engine.kernels.base import view_table
 from farside.engine.kernels.base.project import project_pixels

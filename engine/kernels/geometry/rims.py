@@ -53,7 +53,8 @@ def _write_point(rays: Rays, twice_u: int, twice_v: int, depth: float, mesh: Mes
     )
     ox, oy, oz = position(rays.camera)
     points[index, 0], points[index, 1], points[index, 2] = x + ox, y + oy, z + oz
-    uv[index, 0], uv[index, 1] = 0.5 * twice_u + 0.5, 0.5 * twice_v + 0.5
+    if uv.shape[0] > 0:
+        uv[index, 0], uv[index, 1] = 0.5 * twice_u + 0.5, 0.5 * twice_v + 0.5
 
 
 @serial

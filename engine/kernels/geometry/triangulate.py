@@ -9,10 +9,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...support.array_types import I32, I64, U16
+from ...support.array_types import F32, I32, I64, U16
 from ...support.packed import Coding
 from ..base import lanes
-from ..base.jit import parallel, serial
+from ..base.jit import inlined, parallel, serial
 from ..base.project import direction_in_world, position
 from .records import BlockArrays, DepthMap, MeshArrays, Rays
 from .rims import count_rims, write_rims
@@ -110,26 +110,42 @@ def _write_used(
             points[index, 0] = ox + depth * (a * ax + b * bx + cx)
             points[index, 1] = oy + depth * (a * ay + b * by + cy)
             points[index, 2] = oz + depth * (a * az + b * bz + cz)
-            uv[index, 0], uv[index, 1] = x + 0.5, v + 0.5
+            if uv.shape[0] > 0:
+                uv[index, 0], uv[index, 1] = x + 0.5, v + 0.5
             index += 1
     return index
 
 
+@inlined
+def _copied(target: F32, source: F32, first: int, before: int, count: int) -> None:
+    """Copy `count` rows of an array, from `before` on, to `first` on in another one."""
+    # As one row each: of that loop LLVM makes vectors.
+    to, given = target[first : first + count].reshape(-1), source[before : before + count].reshape(-1)
+    for k in range(to.shape[0]):
+        to[k] = given[k]
+
+
 @serial
-def _copy_block(before: I64, old: MeshArrays, start: I64, end: I64, mesh: MeshArrays) -> None:
-    """Copy a block's vertices and triangles from `before` [2] on in the old mesh to `start` [2] .. `end` [2] (excluded)
-    in the new one, and renumber the vertices."""
-    points, uv, triangles = mesh
-    old_points, old_uv, old_triangles = old
+def _copy_blocks(before: I64, old: MeshArrays, start: I64, end: I64, mesh: MeshArrays) -> None:
+    """Copy neighbouring blocks' vertices and triangles from `before` [2] on in the old mesh to `start` [2] .. `end` [2]
+    (excluded) in the new one, and renumber the vertices."""
+    vertices, count = end[0] - start[0], end[1] - start[1]
+    _copied(mesh.points, old.points, start[0], before[0], vertices)
+    if mesh.uv.shape[0] > 0:
+        _copied(mesh.uv, old.uv, start[0], before[0], vertices)
     moved = np.int32(start[0] - before[0])
-    for k in range(end[0] - start[0]):
-        for axis in range(3):
-            points[start[0] + k, axis] = old_points[before[0] + k, axis]
-        for axis in range(2):
-            uv[start[0] + k, axis] = old_uv[before[0] + k, axis]
-    for k in range(end[1] - start[1]):
-        for corner in range(3):
-            triangles[start[1] + k, corner] = old_triangles[before[1] + k, corner] + moved
+    to, given = mesh.triangles[start[1] : end[1]].reshape(-1), old.triangles[before[1] : before[1] + count].reshape(-1)
+    for k in range(to.shape[0]):
+        to[k] = given[k] + moved
+
+
+@inlined
+def _unchanged(blocks: BlockArrays, i: int, j: int) -> int:
+    """How many blocks from block (i, j) on, in its row, are not remade."""
+    end = j
+    while end < blocks.remade.shape[1] and blocks.remade[i, end] == 0:
+        end += 1
+    return end - j
 
 
 @parallel
@@ -139,7 +155,8 @@ def emit_triangles(
 ) -> None:  # fmt: skip
     """Fill a mesh with the counted triangles; starts [blocks + 1, 2]: where each block's vertices and triangles begin.
 
-    second: 1, or 2 to wind triangles the other way. Blocks that are not remade are copied from the old mesh.
+    second: 1, or 2 to wind triangles the other way. Blocks that are not remade are copied from the old mesh. Where `uv`
+    is empty, that is left out.
     """
     h, w = depth.flags.shape
     block_rows, block_columns = blocks.states.shape
@@ -147,13 +164,16 @@ def emit_triangles(
     for row in numba.prange(block_rows):
         i = int(np.int64(row))
         bits, found, numbers = np.empty((4, SIDE), np.int64), new_list(), np.empty(SIDE, np.int32)
+        done = 0  # columns
         for j in range(block_columns):
             x0, y0, b = j * BLOCK, i * BLOCK, i * block_columns + j
             v, t = starts[b, 0], starts[b, 1]
-            if starts[b + 1, 1] == t:
+            if j < done or starts[b + 1, 1] == t:
                 continue
-            if blocks.remade[i, j] == 0:
-                _copy_block(old_starts[b], old, starts[b], starts[b + 1], mesh)
+            same = _unchanged(blocks, i, j)
+            if same > 0:
+                _copy_blocks(old_starts[b], old, starts[b], starts[b + same], mesh)
+                done = j + same
                 continue
             state = blocks.states[i, j]
             read_flags(depth.flags, x0, y0, depth.wraps, state, bits)

@@ -20,9 +20,12 @@ __all__ = ["bound_blocks", "place_points", "visible_blocks"]
 
 
 @serial
-def bound_blocks(points: F32, starts: I64, spheres: F32) -> None:
-    """spheres [b, 4]: centre and radius of a sphere round each block's points; a negative radius for an empty block."""
+def bound_blocks(points: F32, starts: I64, which: U8, spheres: F32) -> None:
+    """spheres [b, 4]: centre and radius of a sphere round each block's points; a negative radius for an empty block.
+    Those of blocks with which [b] = 0 stay."""
     for b in range(spheres.shape[0]):
+        if which[b] == 0:
+            continue
         low, high = np.empty(3, np.float32), np.empty(3, np.float32)
         for axis in range(3):
             low[axis], high[axis] = np.inf, -np.inf
