@@ -27,6 +27,7 @@ __all__ = ["Tables", "render_pbi"]
 # Columns of a hit.
 _DISPARITY, _U, _V, _CAPTURE, _GEOMETRY, _PRIMITIVE, _DISTANCE = range(7)
 _HIT_SIZE = 7
+_STRIDE = 8  # rows; see `_spread`
 _FLAT = 5e-4  # a hit counts as on a plane if it is off by less than this share of its distance
 
 
@@ -141,14 +142,26 @@ def _is_wanted(wanted: U8, pair: int, column: int, before: int) -> bool:
     return (wanted[y, x] | wanted[top, x] | wanted[y, left] | wanted[top, left]) != 0
 
 
+@inlined
+def _spread(index: int, count: int) -> int:
+    """Which of `count` rows is at a place in the order 0, 8, 16, ..., 1, 9, ...: a thread gets neighbouring places, and
+    so a part of every region of the picture, as wanted cells and costly surfaces lie together."""
+    short, longer = count // _STRIDE, count % _STRIDE  # rows of a group; groups that have one more
+    before = longer * (short + 1)
+    if index < before:
+        return index % (short + 1) * _STRIDE + index // (short + 1)
+    return (index - before) % short * _STRIDE + longer + (index - before) // short
+
+
 @parallel
 def _cast_grid(
     tracer: Tracer, camera: F64, surfaces: I64, present: Present, delta: Delta, wanted: U8, columns: int, grid: F64
 ) -> int:
     """Casts rays through every second pixel in both directions, into grid [rows * columns, _HIT_SIZE]; returns the
     number of rays."""
-    rays = 0
-    for pair in numba.prange(grid.shape[0] // columns):
+    rays, rows = 0, grid.shape[0] // columns
+    for index in numba.prange(rows):
+        pair = _spread(np.int64(index), rows)
         for column in range(columns):
             if _is_wanted(wanted, pair, column, 1):
                 k = pair * columns + column
@@ -220,13 +233,13 @@ def _finish(
     """The rest of `render_pbi` after the grid of every second pixel is done; returns the number of rays."""
     rays = 0
     rows, columns = picture.cb.shape
-    for pair in numba.prange(rows):
-        hits = np.empty((4, _HIT_SIZE))
+    for index in numba.prange(rows):
+        pair, hits = _spread(np.int64(index), rows), np.empty((4, _HIT_SIZE))
         _clear(pair, picture)
         for column in range(columns):
             if not _is_wanted(wanted, pair, column, 0):
                 continue
-            pixel = 2 * np.int64(pair), 2 * column
+            pixel = 2 * pair, 2 * column
             size = picture.codes.shape
             rays += _complete(tracer, camera, tables, present, delta, grid, sparse, pixel, size, hits)
             _write(hits, tables.captures, coding, pair, column, picture)
