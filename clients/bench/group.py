@@ -29,6 +29,7 @@ MEASURES = {
     "compile": Measure("CPU time of compiling, by kernel, from nothing.", named=False),
     "startup": Measure("From nothing to the demo's first picture in a browser.", named=False),
     "stages": Measure("Time and work of every stage, on a sequence or a twin."),
+    "against": Measure("Time of every stage next to that of another commit, measured in turns."),
     "targets": Measure("Speed and loss of quality next to their targets, on a twin."),
     "scaling": Measure("Cost of a stereo pair by pixels of pictures and of views, on a twin."),
     "pairs": Measure("Stereo pairs a second while the model is updated, on a twin."),
