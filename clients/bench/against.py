@@ -13,6 +13,7 @@ from typing import Annotated
 
 import typer
 from farside.engine.evaluation.paired import FEWEST, Ratio, paired_ratio
+from farside.engine.evaluation.twin_recording import is_twin
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -36,9 +37,9 @@ def command(
     report: Report = None,
 ) -> None:
     """Measure every stage of this version and of another commit in turns, and tell the ratios."""
-    console = Console(stderr=True)
+    console, is_made = Console(stderr=True), is_twin(name)
     with tempfile.TemporaryDirectory() as scratch, _installed(commit, Path(scratch), console) as other:
-        folder = Path(name) if Path(name).exists() else _twin(name, scale, frames, Path(scratch), console)
+        folder = _twin(name, scale, frames, Path(scratch), console) if is_made else Path(name)
         asked = [
             "bench", "--stages", str(folder), "--frames", str(frames), "--quality", quality, "--views", str(views),
         ]  # fmt: skip

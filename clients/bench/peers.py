@@ -27,7 +27,12 @@ def command(
 
 
 def show_peers(folder: Path, quality: str, background: bool) -> None:
-    """Print the README's table of other renderers' figures, with Farside's next to them."""
+    """Print the README's table of other renderers' figures, with Farside's next to them.
+
+    Raises ValueError if the folder has no README.md.
+    """
+    if not (folder / "README.md").is_file():
+        raise ValueError(f"{folder}: expected a folder of sequences with a README.md")
     names = list(dict.fromkeys(name for row in read_peer_table(folder / "README.md") for name in row.peers))
     table = Table(title=f"PSNR-Y / IV-PSNR in dB, Farside at quality {quality}")
     for column in ("sequence", "target", "views", "frame", *names, "Farside", "to the best, IV-PSNR"):

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 from farside.engine.evaluation.spared import spared_rows
+from farside.engine.synth import TWINS
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -25,7 +26,10 @@ def command(
 
 
 def show_spared(names: list[str], scale: float, frames: int) -> None:
-    """Print a row for each kind of work or memory in each twin."""
+    """Print a row for each kind of work or memory in each twin; raises ValueError for an unknown name."""
+    for name in names:
+        if name not in TWINS:
+            raise ValueError(f"twin: {name!r}: expected one of {', '.join(TWINS)}")
     title = f"Twins at scale {scale:g}, {frames} frames, balanced, one head amid the cameras; CPU of one thread"
     table = Table(title=title)
     for column in ("scene", "what", "all", "left", "saved"):

@@ -20,7 +20,7 @@ from .background import inside_rig
 from .ghosts import ghost_pixels, inside_cameras
 from .silhouettes import fine_camera, judge_silhouettes
 
-__all__ = ["TwinRecording", "default_targets", "find_recordings", "open_recording_or_twin"]
+__all__ = ["TwinRecording", "default_targets", "find_recordings", "is_twin", "open_recording_or_twin"]
 
 
 @dataclass
@@ -123,11 +123,14 @@ def open_recording_or_twin(name: str, scale: float) -> Recording:
 
     Raises ValueError if `name` is neither.
     """
-    if name in TWINS:
-        return TwinRecording(make_twin(name, scale))
-    if not Path(name).is_dir():
+    return TwinRecording(make_twin(name, scale)) if is_twin(name) else open_recording(Path(name))
+
+
+def is_twin(name: str) -> bool:
+    """Whether this is a twin's name, not a folder's; raises ValueError if it is neither."""
+    if name not in TWINS and not Path(name).is_dir():
         raise ValueError(f"sequence: {name!r}: expected a folder, or a twin: {', '.join(TWINS)}")
-    return open_recording(Path(name))
+    return name in TWINS
 
 
 def _is_sequence(path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -35,13 +36,17 @@ def test_versions_take_turns_and_the_first_runs_do_not_count():
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["no-such-commit", "museum"], "expected a checkout that has the commit"),
-        (["HEAD", "museum", "--turns", "3"], "--turns"),
+        (["against", "no-such-commit", "museum"], "expected a checkout that has the commit"),
+        (["against", "HEAD", "no-such-twin"], "expected a folder, or a twin: "),
+        (["against", "HEAD", "museum", "--turns", "3"], "--turns"),
+        (["spared", "no-such-twin"], "expected one of "),
+        (["peers", "/no/such/folder"], "/no/such/folder: expected a folder of sequences with a README.md"),
     ],
 )
-def test_what_cannot_be_measured_is_told(arguments, told):
-    program = [sys.executable, "-m", "farside.clients.cli", "bench", "against", *arguments]
-    done = subprocess.run(program, capture_output=True, text=True, check=False)
+def test_what_cannot_be_measured_is_told_before_anything_is_done(arguments, told):
+    program = [sys.executable, "-m", "farside.clients.cli", "bench", *arguments]
+    done = subprocess.run(program, capture_output=True, text=True, check=False, env=os.environ | {"COLUMNS": "200"})
     assert done.returncode == 2
     assert told in done.stderr
+    assert len(done.stderr.splitlines()) < 12
     assert "Traceback" not in done.stderr
