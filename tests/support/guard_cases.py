@@ -266,8 +266,9 @@ def triangulating(rng: Rng, flush: str) -> Counts:
     view = any_view(rng, camera, flush, ball)
     triangulator, triangles = Triangulator(), 0
     for _ in range(3):
-        mesh, _cuts = triangulator.triangulate(camera, view.codes, options)
-        triangles += len(mesh.triangles)
+        mesh, cuts = triangulator.triangulate(camera, view.codes, options)
+        rims = triangulator.rims(cuts)
+        triangles += len(mesh.triangles) + (0 if rims is None else len(rims.triangles))
         y, x = rng.integers(0, camera.height), rng.integers(0, camera.width)
         view.codes[y : y + 3, x : x + 5] = rng.integers(0, camera.depth.max_code + 1)
     keep = guarded((rng.random(view.codes.shape) < rng.choice([0.02, 0.5])).astype(np.uint8), flush)

@@ -223,14 +223,15 @@ def guarding(flush: str, called: set[str]) -> Iterator[None]:
 @contextmanager
 def _known_arrays(flush: str) -> Iterator[None]:
     """Guard the flags that triangulators copy, and record which arrays are tiles."""
-    from farside.engine.geometry.triangulation import Triangulator
+    from farside.engine.geometry.triangulator import Triangulator
     from farside.engine.rendering import tiles, warping
 
     triangulate, new_tiles = Triangulator.triangulate, tiles.new_tiles
 
     def guarded_cuts(self: Any, *arguments: Any, **options: Any) -> Any:
         mesh, cuts = triangulate(self, *arguments, **options)
-        return mesh, guarded(cuts, flush)
+        self._flags = guarded(cuts, flush)  # it knows its rims by these
+        return mesh, self._flags
 
     def noted(height: int, width: int) -> np.ndarray:
         made = new_tiles(height, width)
