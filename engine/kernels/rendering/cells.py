@@ -1,4 +1,5 @@
-"""Colours of a cell, 2 x 32 pixels: four vectors of luma (parts), and one of chroma for its blocks of 2 x 2 pixels.
+"""Colours of a cell, 8 x 8 pixels: four squares of luma (parts), and one vector of chroma for its 4 x 4 blocks of 2 x 2
+pixels.
 
 The samples of a cell in the views (`kernels.rendering.look`) are kept until all views have been asked: only then is the
 share of each view in a pixel's colour known. Chroma, a quarter of the samples, is fetched at the pixels' places in the
@@ -18,6 +19,7 @@ from ..base.memory import load, load_f32, store
 from ..base.simd import LANES, Floats, any_of, evens, maximum, odds, select, spread
 from ..base.tone import CB_FROM_Y, CB_GAIN, CB_OFFSET, CR_FROM_Y, CR_GAIN, CR_OFFSET, Y_GAIN, Y_OFFSET
 from ..base.view_table import ROW_OF_ADDRESSES
+from ..base.windows import lower_rows, upper_rows
 from .lens import OUTSIDE, TONE_AT, aim, lens_at
 from .look import ROUGH, look
 from .texels import chroma_between, chroma_nearest, is_inside_chroma
@@ -25,7 +27,7 @@ from .texels import chroma_between, chroma_nearest, is_inside_chroma
 __all__ = ["CELL", "FIELDS", "PARTS", "Sources", "colour_cell", "see_cell"]
 
 PARTS = 4
-CELL = 2 * LANES  # columns
+CELL = 8  # side, pixels
 _SHARE, _LUMA, _U, _V, _MANNER, _CODE, _CLEAN, _MIXED = range(8)  # fields of a view's samples
 FIELDS = 8
 _APART_PX = 3.0  # largest distance of a block's pixels in a view at which they share chroma
@@ -58,48 +60,57 @@ def _put(seen: int, k: int, part: int, field: int, values: Floats) -> None:
 
 
 @inlined_late
-def _by_block(left: Floats, right: Floats) -> Floats:
-    """Sums of each two neighbouring columns."""
-    return evens(left, right) + odds(left, right)
+def _by_block(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """Sums of each block's four pixels, from a cell's four parts."""
+    top, bottom = evens(a, b) + odds(a, b), evens(c, d) + odds(c, d)
+    return upper_rows(top, bottom) + lower_rows(top, bottom)
+
+
+@inlined_late
+def _shared(seen: int, k: int, part: int, field: int) -> Floats:
+    """A field times the pixels' shares; pixels without a share may hold anything, even NaN."""
+    share = _field(seen, k, part, _SHARE)
+    return select(share > 0.0, share * _field(seen, k, part, field), 0.0)
 
 
 @inlined_late
 def _sum(seen: int, k: int, field: int) -> Floats:
-    """For each block in view k, the sum of a field, weighted by the pixels' shares; pixels without a share may hold
-    anything, even NaN."""
-    total = spread(0.0)
-    for part in range(0, PARTS, 2):
-        left, right = _field(seen, k, part, _SHARE), _field(seen, k, part + 1, _SHARE)
-        of_left = select(left > 0.0, left * _field(seen, k, part, field), 0.0)
-        total += _by_block(of_left, select(right > 0.0, right * _field(seen, k, part + 1, field), 0.0))
-    return total
+    """For each block in view k, the sum of a field, weighted by the pixels' shares."""
+    return _by_block(
+        _shared(seen, k, 0, field), _shared(seen, k, 1, field), _shared(seen, k, 2, field), _shared(seen, k, 3, field)
+    )
+
+
+@inlined_late
+def _of_seen(seen: int, k: int, part: int, field: int, sign: float) -> Floats:
+    return select(_field(seen, k, part, _SHARE) > 0.0, sign * _field(seen, k, part, field), -1e9)
 
 
 @inlined_late
 def _most(seen: int, k: int, field: int, sign: float) -> Floats:
     """For each block in view k, the largest value of a field, times a sign, among the pixels that the view sees."""
-    most = spread(-1e9)
-    for part in range(0, PARTS, 2):
-        left, right = sign * _field(seen, k, part, field), sign * _field(seen, k, part + 1, field)
-        left = select(_field(seen, k, part, _SHARE) > 0.0, left, -1e9)
-        right = select(_field(seen, k, part + 1, _SHARE) > 0.0, right, -1e9)
-        most = maximum(most, maximum(evens(left, right), odds(left, right)))
-    return most
+    a, b = _of_seen(seen, k, 0, field, sign), _of_seen(seen, k, 1, field, sign)
+    c, d = _of_seen(seen, k, 2, field, sign), _of_seen(seen, k, 3, field, sign)
+    top, bottom = maximum(evens(a, b), odds(a, b)), maximum(evens(c, d), odds(c, d))
+    return maximum(upper_rows(top, bottom), lower_rows(top, bottom))
+
+
+@inlined_late
+def _nearest(lens: int, addresses: int, seen: int, k: int, part: int) -> tuple[Floats, Floats]:
+    """The chroma samples nearest to a part's pixels in view k, times the pixels' shares."""
+    share = _field(seen, k, part, _SHARE)
+    b, r = chroma_nearest(lens, addresses, _field(seen, k, part, _U), _field(seen, k, part, _V), share > 0.0)
+    return share * b, share * r
 
 
 @serial
 def _chroma_of_pixels(lens: int, addresses: int, seen: int, k: int) -> tuple[Floats, Floats]:
     """Chroma of each block in view k: the sum over its pixels of the nearest sample times the pixel's share."""
-    sum_b, sum_r = spread(0.0), spread(0.0)
-    for part in range(0, PARTS, 2):
-        left, right = _field(seen, k, part, _SHARE), _field(seen, k, part + 1, _SHARE)
-        a, b = _field(seen, k, part, _U), _field(seen, k, part, _V)
-        left_b, left_r = chroma_nearest(lens, addresses, a, b, left > 0.0)
-        a, b = _field(seen, k, part + 1, _U), _field(seen, k, part + 1, _V)
-        right_b, right_r = chroma_nearest(lens, addresses, a, b, right > 0.0)
-        sum_b += _by_block(left * left_b, right * right_b)
-        sum_r += _by_block(left * left_r, right * right_r)
-    return sum_b, sum_r
+    b0, r0 = _nearest(lens, addresses, seen, k, 0)
+    b1, r1 = _nearest(lens, addresses, seen, k, 1)
+    b2, r2 = _nearest(lens, addresses, seen, k, 2)
+    b3, r3 = _nearest(lens, addresses, seen, k, 3)
+    return _by_block(b0, b1, b2, b3), _by_block(r0, r1, r2, r3)
 
 
 @serial
@@ -131,13 +142,12 @@ def colour_cell(sources: Sources, n: int, seen: int, inverses: int) -> tuple[Flo
     inverses [PARTS, LANES]: 1 / sum of each pixel's weights."""
     count, sum_b, sum_r = spread(0.0), spread(0.0), spread(0.0)
     for k in range(n):
-        weight = spread(0.0)
-        for part in range(0, PARTS, 2):  # shares of the pixels' colours
-            left = _field(seen, k, part, _SHARE) * load(inverses, part * LANES)
-            right = _field(seen, k, part + 1, _SHARE) * load(inverses, (part + 1) * LANES)
-            _put(seen, k, part, _SHARE, left)
-            _put(seen, k, part + 1, _SHARE, right)
-            weight += _by_block(left, right)
+        for part in range(PARTS):  # shares of the pixels' colours
+            _put(seen, k, part, _SHARE, _field(seen, k, part, _SHARE) * load(inverses, part * LANES))
+        weight = _by_block(
+            _field(seen, k, 0, _SHARE), _field(seen, k, 1, _SHARE), _field(seen, k, 2, _SHARE),
+            _field(seen, k, 3, _SHARE),
+        )  # fmt: skip
         if any_of(weight > 0.0):
             lens = lens_at(sources.lenses, k)
             b, r = _colour_blocks(lens, addresses_of(sources, k), sources.cubic, seen, k, weight)

@@ -10,12 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.jit import inlined_late
-from ..base.memory import load_f32, load_i64, prefetch
+from ..base.memory import load_f32, load_i64
 from ..base.simd import Floats, Integers, Mask, any_of, maximum, minimum, select, spread, to_floats, to_integers
 from ..base.view_table import CODES, CUTS, Y
+from ..base.windows import WINDOW_COLUMNS, lane_of, pairs_within, prefetch_window, window_of_bytes, window_of_halves
 from ..geometry.cuts import BROKEN
 from .lens import EDGE, LEAST, PICTURE_HEIGHT, PICTURE_WIDTH, PICTURE_WRAPS, TOLERANCE
-from .texels import bytes_at, cubic_convolution, is_cut, pairs_at
+from .texels import Spot, bytes_at, cubic_convolution, cubic_convolution_within, is_cut, pairs_at, spot_of
 
 __all__ = ["CAREFUL", "ROUGH", "SMOOTH", "look"]
 
@@ -56,8 +57,14 @@ def _place(lens: int, width: int, height: int, seen: Mask, u: Floats, v: Floats)
 
 
 @inlined_late
-def _four(address: int, place: _Place, width: int, mask: Mask) -> tuple[Integers, Integers, Integers, Integers]:
+def _four(
+    address: int, place: _Place, spot: Spot, width: int, mask: Mask
+) -> tuple[Integers, Integers, Integers, Integers]:
     """The uint16 texels round places: upper left, upper right, lower left, lower right."""
+    if spot.fits:
+        window = window_of_halves(address, spot.start, width)
+        upper, lower = pairs_within(window, spot.places), pairs_within(window, spot.places + WINDOW_COLUMNS)
+        return upper & 0xFFFF, upper >> 16, lower & 0xFFFF, lower >> 16
     a, b = pairs_at(address, place.texel, width, place.seam, place.crosses, mask)
     c, d = pairs_at(address, place.texel + width, width, place.seam, place.crosses, mask)
     return a, b, c, d
@@ -65,7 +72,7 @@ def _four(address: int, place: _Place, width: int, mask: Mask) -> tuple[Integers
 
 @inlined_late
 def _shares(
-    lens: int, addresses: int, place: _Place, width: int, last: int, seen: Mask, code: Floats
+    lens: int, addresses: int, place: _Place, spot: Spot, width: int, last: int, seen: Mask, code: Floats
 ) -> tuple[Floats, Mask, Floats, tuple[Floats, Floats, Floats, Floats]]:
     """The degree to which a view sees the surface of these depth codes, whether the four texels are one surface, how
     colours are to be fetched (SMOOTH, CAREFUL), and the share of each texel.
@@ -73,7 +80,7 @@ def _shares(
     last: number of the picture's last texel.
     """
     tolerance = load_f32(lens, TOLERANCE)
-    a, b, c, d = _four(load_i64(addresses, CODES), place, width, seen)
+    a, b, c, d = _four(load_i64(addresses, CODES), place, spot, width, seen)
     low, high = minimum(minimum(a, b), minimum(c, d)), maximum(maximum(a, b), maximum(c, d))
     ca, cb, cc, cd = to_floats(a), to_floats(b), to_floats(c), to_floats(d)
     fx, fy = place.fx, place.fy
@@ -107,6 +114,15 @@ def _shares(
 
 
 @inlined_late
+def _ahead(place: _Place, spot: Spot, width: int) -> int:
+    """About the first texel that the same square of the cell after the next one will read, sixteen columns of the
+    eye's picture on."""
+    start = spot.start if spot.fits else lane_of(place.texel, 0) - width
+    across, down = lane_of(place.x, 3) - lane_of(place.x, 0), lane_of(place.y, 3) - lane_of(place.y, 0)
+    return start + (16 * down // 3) * width + 16 * across // 3
+
+
+@inlined_late
 def look(
     lens: int, addresses: int, seen: Mask, u: Floats, v: Floats, code: Floats, clean: Floats, mixed: Floats,
     blends: bool, cubic: bool,
@@ -121,16 +137,19 @@ def look(
     width, height = int(load_f32(lens, PICTURE_WIDTH)), int(load_f32(lens, PICTURE_HEIGHT))
     last = width * height - 1
     place = _place(lens, width, height, seen, u, v)
-    # The next rows of the picture will read the texels below.
-    prefetch(load_i64(addresses, CODES), place.texel + 3 * width)
-    prefetch(load_i64(addresses, Y), place.texel + 3 * width)
-    prefetch(load_i64(addresses, CUTS), (place.texel + 3 * width) >> 1)
-    share, whole, manner, (wa, wb, wc, wd) = _shares(lens, addresses, place, width, last, seen, code)
+    spot = spot_of(place.x, place.y, width, height, seen)
+    if place.crosses:
+        spot = Spot(False, False, 0, place.x)
+    ahead = _ahead(place, spot, width)
+    prefetch_window(load_i64(addresses, CODES), ahead, width)
+    prefetch_window(load_i64(addresses, Y), ahead, width)
+    prefetch_window(load_i64(addresses, CUTS), ahead >> 1, width >> 1)
+    share, whole, manner, (wa, wb, wc, wd) = _shares(lens, addresses, place, spot, width, last, seen, code)
     found = share > 0.0
     if not any_of(found):
         return nothing, nothing, nothing, nothing, nothing
     # For all points in the picture, not only for visible surfaces: waiting for that result costs more.
-    a, b, c, d = _four(load_i64(addresses, Y), place, width, seen)
+    a, b, c, d = _four(load_i64(addresses, Y), place, spot, width, seen)
     luma = wa * to_floats(a) + wb * to_floats(b) + wc * to_floats(c) + wd * to_floats(d)
     if cubic:
         contrast = maximum(maximum(a, b), maximum(c, d)) - minimum(minimum(a, b), minimum(c, d))
@@ -138,11 +157,20 @@ def look(
         inside = (place.x >= 3) & (place.y >= 3) & (place.x < width - 7) & (place.y < height - 7)
         rough = found & whole & inside & (contrast > _RANGE)
         if any_of(rough):
-            sharp = cubic_convolution(load_i64(addresses, Y), place.texel, width, place.fx, place.fy, rough)
+            if spot.fits_cubic:
+                window = window_of_halves(load_i64(addresses, Y), spot.start, width)
+                sharp = cubic_convolution_within(window, spot.places, place.fx, place.fy)
+            else:
+                sharp = cubic_convolution(load_i64(addresses, Y), place.texel, width, place.fx, place.fy, rough)
             luma, manner = select(rough, sharp, luma), select(rough, spread(ROUGH), manner)
     if blends:
-        nearest = minimum(to_integers(v), height - 1) * width + minimum(to_integers(u), width - 1)
-        broken = (bytes_at(load_i64(addresses, CUTS), nearest, last, seen) & BROKEN) != 0
+        x, y = minimum(to_integers(u), width - 1), minimum(to_integers(v), height - 1)
+        if spot.fits:
+            nearest = spot.places + (y - place.y) * WINDOW_COLUMNS + (x - place.x)
+            marks = pairs_within(window_of_bytes(load_i64(addresses, CUTS), spot.start, width), nearest)
+        else:
+            marks = bytes_at(load_i64(addresses, CUTS), y * width + x, last, seen)
+        broken = (marks & BROKEN) != 0
         share *= select(broken, mixed, clean)
         manner = select(broken, spread(CAREFUL), manner)
     # Chroma is taken at the middle of the chosen texels.

@@ -5,6 +5,8 @@ Pictures are given by the addresses of their arrays, C-contiguous; texels are co
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..base.jit import inlined_late, serial
@@ -25,18 +27,56 @@ from ..base.simd import (
     zipped_rest,
 )
 from ..base.view_table import CB, CR
+from ..base.windows import (
+    WINDOW_COLUMNS,
+    WINDOW_ROWS,
+    Window,
+    extent_of,
+    fast_windows,
+    quads_within,
+    window_of_halves,
+)
 from ..geometry.cuts import CUT_DOWN, CUT_RIGHT
 from .lens import PICTURE_HEIGHT, PICTURE_WIDTH, SUBSAMPLED
 
 __all__ = [
+    "Spot",
     "bytes_at",
     "chroma_between",
     "chroma_nearest",
     "cubic_convolution",
+    "cubic_convolution_within",
     "is_cut",
     "is_inside_chroma",
     "pairs_at",
+    "spot_of",
 ]
+
+
+_WIDEST = 65535  # pixels, of pictures whose windows are used: `extent_of` knows no larger numbers
+
+
+class Spot(NamedTuple):
+    """Where the texels of sixteen lanes lie in a picture, if a window holds them all."""
+
+    fits: bool  # the window has each lane's texel, and those to its right and below
+    fits_cubic: bool  # it also has one more to the left and above, and one more to the right and below
+    start: int  # number of the window's first texel
+    places: Integers  # of the lanes' texels in the window
+
+
+@inlined_late
+def spot_of(x: Integers, y: Integers, width: int, height: int, among: Mask) -> Spot:
+    """The spot of texels (x, y) of a picture; lanes that are not `among` do not count."""
+    left, top, right, bottom = extent_of(x, y, among)
+    fits, column, row = False, 0, 0
+    sized = WINDOW_COLUMNS <= width <= _WIDEST and WINDOW_ROWS <= height <= _WIDEST
+    if fast_windows() and sized and left <= right:
+        column, row = min(max(left - 1, 0), width - WINDOW_COLUMNS), min(max(top - 1, 0), height - WINDOW_ROWS)
+        fits = right - column < WINDOW_COLUMNS - 1 and bottom - row < WINDOW_ROWS - 1
+    cubic = fits and right - column < WINDOW_COLUMNS - 2 and bottom - row < WINDOW_ROWS - 2
+    places = ((y - row) * WINDOW_COLUMNS) + (x - column)
+    return Spot(fits, cubic, row * width + column, places)
 
 
 @inlined_late
@@ -75,6 +115,14 @@ def _cubic_shares(f: Floats) -> tuple[Floats, Floats, Floats, Floats]:
 
 
 @inlined_late
+def _shares_of_row(fx: Floats) -> tuple[Integers, Integers]:
+    """The shares of a row's four samples, as `sum_pairs` takes them, of the first eight lanes and of the others."""
+    a, b, c, d = _cubic_shares(fx)
+    left, right = _pair_of_shares(a, b), _pair_of_shares(c, d)
+    return zipped(left, right), zipped_rest(left, right)
+
+
+@inlined_late
 def _pair_of_shares(a: Floats, b: Floats) -> Integers:
     """Two shares as int16, in units of 2^-14."""
     return (to_integers(a * 16384.0) & 0xFFFF) | (to_integers(b * 16384.0) << 16)
@@ -88,9 +136,7 @@ def cubic_convolution(address: int, index: Integers, width: int, fx: Floats, fy:
     Rows are convolved in integers, exact to a twentieth of a code: the four samples of a row are two pairs, each in a
     lane of its own, so that eight pixels fill a vector.
     """
-    a, b, c, d = _cubic_shares(fx)
-    left, right = _pair_of_shares(a, b), _pair_of_shares(c, d)
-    shares, more_shares = zipped(left, right), zipped_rest(left, right)
+    shares, more_shares = _shares_of_row(fx)
     start = index - (width + 1)
     total, rest = spread(0.0), spread(0.0)
     for down in _cubic_shares(fy):
@@ -98,6 +144,20 @@ def cubic_convolution(address: int, index: Integers, width: int, fx: Floats, fy:
         total += zipped(down, down) * to_floats(sum_pairs(samples, shares))
         rest += zipped_rest(down, down) * to_floats(sum_pairs(more_samples, more_shares))
         start += width
+    return (evens(total, rest) + odds(total, rest)) * np.float32(1.0 / 16384.0)
+
+
+@serial
+def cubic_convolution_within(window: Window, places: Integers, fx: Floats, fy: Floats) -> Floats:
+    """`cubic_convolution` at places of a window; it must hold all 4 x 4 samples of lanes that count."""
+    shares, more_shares = _shares_of_row(fx)
+    start = places - (WINDOW_COLUMNS + 1)
+    total, rest = spread(0.0), spread(0.0)
+    for down in _cubic_shares(fy):
+        samples, more_samples = quads_within(window, start)
+        total += zipped(down, down) * to_floats(sum_pairs(samples, shares))
+        rest += zipped_rest(down, down) * to_floats(sum_pairs(more_samples, more_shares))
+        start += WINDOW_COLUMNS
     return (evens(total, rest) + odds(total, rest)) * np.float32(1.0 / 16384.0)
 
 
@@ -155,6 +215,12 @@ def chroma_between(lens: int, addresses: int, u: Floats, v: Floats, mask: Mask) 
     x, y = _chroma_place(lens, select(mask, u, 0.0), select(mask, v, 0.0))
     i, j = to_integers(x), to_integers(y)
     fx, fy, index = x - to_floats(i), y - to_floats(j), j * pitch + i
+    rows = (int(load_f32(lens, PICTURE_HEIGHT)) + shift) >> shift
+    spot = spot_of(i, j, pitch, rows, mask)
+    if spot.fits_cubic:
+        return cubic_convolution_within(
+            window_of_halves(load_i64(addresses, CB), spot.start, pitch), spot.places, fx, fy
+        ), cubic_convolution_within(window_of_halves(load_i64(addresses, CR), spot.start, pitch), spot.places, fx, fy)
     return cubic_convolution(load_i64(addresses, CB), index, pitch, fx, fy, mask), cubic_convolution(
         load_i64(addresses, CR), index, pitch, fx, fy, mask
     )
