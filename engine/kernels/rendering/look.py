@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.jit import inlined_late
+from ..base.jit import inlined, inlined_late
 from ..base.memory import load_f32, load_i64
 from ..base.simd import Floats, Integers, Mask, any_of, maximum, minimum, select, spread, to_floats, to_integers
 from ..base.view_table import CODES, CUTS, Y
@@ -113,6 +113,26 @@ def _shares(
     return share, whole, manner, (wa, wb, wc, wd)
 
 
+@inlined
+def _sharp(address: int, place: _Place, spot: Spot, width: int, rough: Mask) -> Floats:
+    """Cubic convolution of a plane at the places that are rough; anything elsewhere."""
+    if spot.fits_cubic:
+        window = window_of_halves(address, spot.start, width)
+        return cubic_convolution_within(window, spot.places, place.fx, place.fy)
+    return cubic_convolution(address, place.texel, width, place.fx, place.fy, rough)
+
+
+@inlined
+def _marks(
+    address: int, place: _Place, spot: Spot, x: Integers, y: Integers, width: int, last: int, seen: Mask
+) -> Integers:
+    """The bytes at texels (x, y), which are those of the places or next to them; more bytes may follow in a lane."""
+    if spot.fits:
+        nearest = spot.places + (y - place.y) * WINDOW_COLUMNS + (x - place.x)
+        return pairs_within(window_of_bytes(address, spot.start, width), nearest)
+    return bytes_at(address, y * width + x, last, seen)
+
+
 @inlined_late
 def _ahead(place: _Place, spot: Spot, width: int) -> int:
     """About the first texel that the same square of the cell after the next one will read, sixteen columns of the
@@ -157,20 +177,11 @@ def look(
         inside = (place.x >= 3) & (place.y >= 3) & (place.x < width - 7) & (place.y < height - 7)
         rough = found & whole & inside & (contrast > _RANGE)
         if any_of(rough):
-            if spot.fits_cubic:
-                window = window_of_halves(load_i64(addresses, Y), spot.start, width)
-                sharp = cubic_convolution_within(window, spot.places, place.fx, place.fy)
-            else:
-                sharp = cubic_convolution(load_i64(addresses, Y), place.texel, width, place.fx, place.fy, rough)
+            sharp = _sharp(load_i64(addresses, Y), place, spot, width, rough)
             luma, manner = select(rough, sharp, luma), select(rough, spread(ROUGH), manner)
     if blends:
         x, y = minimum(to_integers(u), width - 1), minimum(to_integers(v), height - 1)
-        if spot.fits:
-            nearest = spot.places + (y - place.y) * WINDOW_COLUMNS + (x - place.x)
-            marks = pairs_within(window_of_bytes(load_i64(addresses, CUTS), spot.start, width), nearest)
-        else:
-            marks = bytes_at(load_i64(addresses, CUTS), y * width + x, last, seen)
-        broken = (marks & BROKEN) != 0
+        broken = (_marks(load_i64(addresses, CUTS), place, spot, x, y, width, last, seen) & BROKEN) != 0
         share *= select(broken, mixed, clean)
         manner = select(broken, spread(CAREFUL), manner)
     # Chroma is taken at the middle of the chosen texels.
