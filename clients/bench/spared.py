@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 from farside.engine.evaluation.spared import spared_rows
-from farside.engine.synth import TWINS
+from farside.engine.synth import check_twin
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -28,8 +28,7 @@ def command(
 def show_spared(names: list[str], scale: float, frames: int) -> None:
     """Print a row for each kind of work or memory in each twin; raises ValueError for an unknown name."""
     for name in names:
-        if name not in TWINS:
-            raise ValueError(f"twin: {name!r}: expected one of {', '.join(TWINS)}")
+        check_twin(name)
     title = f"Twins at scale {scale:g}, {frames} frames, balanced, one head amid the cameras; CPU of one thread"
     table = Table(title=title)
     for column in ("scene", "what", "all", "left", "saved"):
