@@ -10,7 +10,7 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from .memory_scalars_llvm import place_of
-from .vectors_llvm import FLOATS, INTEGERS, LANES, MASK, order_of
+from .vectors_llvm import FLOATS, INTEGERS, LANES, MASK, joined, order_of
 
 __all__ = ["gather_records", "load_triples"]
 
@@ -42,7 +42,7 @@ def gather_records(typingctx: Any, address: Any, index: Any, mask: Any) -> Any:
             loaded.append(builder.load(place_of(builder, record, address, at), typ=record, align=4))
         # Records that are four apart are joined: then no number has to move to another quarter of a register, which
         # would take longer.
-        rows = [_joined(builder, loaded[k::4]) for k in range(4)]
+        rows = [joined(builder, loaded[k::4]) for k in range(4)]
         return context.make_tuple(builder, signature.return_type, _transposed(builder, rows))
 
     return types.containers.UniTuple(FLOATS, 4)(types.int64, INTEGERS, MASK), codegen
@@ -55,15 +55,6 @@ def _transposed(builder: Any, rows: Sequence[Any]) -> list[Any]:
         low, high = (_by_quarter(builder, rows[k], rows[k + 1], order) for k in (0, 2))
         columns += [_by_quarter(builder, low, high, (0, 1, 4, 5)), _by_quarter(builder, low, high, (2, 3, 6, 7))]
     return columns
-
-
-def _joined(builder: Any, parts: Sequence[Any]) -> Any:
-    """Vectors side by side in one."""
-    while len(parts) > 1:
-        size = 2 * parts[0].type.count
-        order = ir.Constant(ir.VectorType(ir.IntType(32), size), list(range(size)))
-        parts = [builder.shuffle_vector(a, b, order) for a, b in zip(parts[::2], parts[1::2], strict=True)]
-    return parts[0]
 
 
 def _by_quarter(builder: Any, a: Any, b: Any, order: tuple[int, int, int, int]) -> Any:

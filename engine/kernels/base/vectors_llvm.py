@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from llvmlite import ir
@@ -25,6 +25,7 @@ __all__ = [
     "Vector",
     "call_intrinsic",
     "ir_type",
+    "joined",
     "order_of",
     "splat",
 ]
@@ -130,3 +131,11 @@ def call_intrinsic(builder: Any, name: str, result: Any, *values: Any, **options
 def order_of(lanes: Iterable[int]) -> Any:
     """The numbers of lanes as the mask of `shuffle_vector`."""
     return ir.Constant(ir.VectorType(ir.IntType(32), LANES), list(lanes))
+
+
+def joined(builder: Any, parts: Sequence[Any]) -> Any:
+    """Vectors of one type, a power of two of them, side by side in one."""
+    while len(parts) > 1:
+        both = ir.Constant(ir.VectorType(ir.IntType(32), 2 * parts[0].type.count), [*range(2 * parts[0].type.count)])
+        parts = [builder.shuffle_vector(a, b, both) for a, b in zip(parts[::2], parts[1::2], strict=True)]
+    return parts[0]

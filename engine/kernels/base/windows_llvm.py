@@ -9,7 +9,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from .memory_scalars_llvm import place_of
-from .vectors_llvm import FLOATS, INTEGERS, LANES, MASK, call_intrinsic, ir_type, order_of, splat
+from .vectors_llvm import FLOATS, INTEGERS, LANES, MASK, call_intrinsic, ir_type, joined, order_of, splat
 
 __all__ = [
     "extent_of",
@@ -57,8 +57,8 @@ def _rows(context: Any, builder: Any, signature: Any, args: Any, bits: int) -> A
         row = builder.load(place, typ=ir.VectorType(element, LANES), align=bits // 8)
         rows.append(row if bits == 16 else builder.zext(row, halves))
         index = builder.add(index, pitch)
-    joined = [builder.shuffle_vector(a, b, _range(2 * LANES)) for a, b in zip(rows[::2], rows[1::2], strict=True)]
-    return context.make_tuple(builder, signature.return_type, [builder.bitcast(pair, _INTEGERS) for pair in joined])
+    pairs = [builder.bitcast(joined(builder, rows[k : k + 2]), _INTEGERS) for k in range(0, _ROWS, 2)]
+    return context.make_tuple(builder, signature.return_type, pairs)
 
 
 @intrinsic
@@ -107,10 +107,6 @@ def lane_of(typingctx: Any, x: Any, lane: Any) -> Any:
     return types.int64(INTEGERS, types.int64), codegen
 
 
-def _range(count: int) -> Any:
-    return ir.Constant(ir.VectorType(_I32, count), list(range(count)))
-
-
 def _picked(context: Any, builder: Any, window: Any, order: Any) -> Any:
     """Elements number `order` (two in each integer) of a window, as integers with two each."""
     parts = [builder.bitcast(part, _HALVES) for part in cgutils.unpack_tuple(builder, window)]
@@ -120,13 +116,11 @@ def _picked(context: Any, builder: Any, window: Any, order: Any) -> Any:
         upper, lower = (call_intrinsic(builder, name, _HALVES, a, order, b) for a, b in (parts[:2], parts[2:]))
         below = builder.icmp_unsigned("!=", builder.and_(order, _halves(64)), _halves(0))
         return builder.bitcast(builder.select(below, lower, upper), _INTEGERS)
-    while len(parts) > 1:  # never fast, but right everywhere
-        both = _range(2 * parts[0].type.count)
-        parts = [builder.shuffle_vector(a, b, both) for a, b in zip(parts[::2], parts[1::2], strict=True)]
+    whole = joined(builder, parts)  # never fast, but right everywhere
     number = builder.zext(builder.and_(order, _halves(127)), ir.VectorType(_I32, 2 * LANES))
     picked = ir.Constant(_HALVES, ir.Undefined)
     for lane in map(_I32, range(2 * LANES)):
-        half = builder.extract_element(parts[0], builder.extract_element(number, lane))
+        half = builder.extract_element(whole, builder.extract_element(number, lane))
         picked = builder.insert_element(picked, half, lane)
     return builder.bitcast(picked, _INTEGERS)
 
@@ -204,10 +198,7 @@ def load_square(typingctx: Any, address: Any, index: Any, pitch: Any) -> Any:
             place = place_of(builder, ir.FloatType(), address, index)
             parts.append(builder.load(place, typ=ir.VectorType(ir.FloatType(), 4), align=4))
             index = builder.add(index, pitch)
-        while len(parts) > 1:
-            both = _range(2 * parts[0].type.count)
-            parts = [builder.shuffle_vector(a, b, both) for a, b in zip(parts[::2], parts[1::2], strict=True)]
-        return parts[0]
+        return joined(builder, parts)
 
     return FLOATS(types.int64, types.int64, types.int64), codegen
 
