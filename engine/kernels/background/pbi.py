@@ -10,6 +10,7 @@ import numpy as np
 
 from ...support.array_types import F64, I64, U8, U16
 from ...support.packed import Coding
+from ..base.interleave import interleaved
 from ..base.jit import inlined, parallel, serial
 from ..base.project import unproject_point
 from ..base.tolerance import Delta
@@ -27,7 +28,7 @@ __all__ = ["Tables", "render_pbi"]
 # Columns of a hit.
 _DISPARITY, _U, _V, _CAPTURE, _GEOMETRY, _PRIMITIVE, _DISTANCE = range(7)
 _HIT_SIZE = 7
-_STRIDE = 8  # rows; see `_spread`
+_STRIDE = 8  # rows; see `interleaved`
 _FLAT = 5e-4  # a hit counts as on a plane if it is off by less than this share of its distance
 
 
@@ -142,17 +143,6 @@ def _is_wanted(wanted: U8, pair: int, column: int, before: int) -> bool:
     return (wanted[y, x] | wanted[top, x] | wanted[y, left] | wanted[top, left]) != 0
 
 
-@inlined
-def _spread(index: int, count: int) -> int:
-    """Which of `count` rows is at a place in the order 0, 8, 16, ..., 1, 9, ...: a thread gets neighbouring places, and
-    so a part of every region of the picture, as wanted cells and costly surfaces lie together."""
-    short, longer = count // _STRIDE, count % _STRIDE  # rows of a group; groups that have one more
-    before = longer * (short + 1)
-    if index < before:
-        return index % (short + 1) * _STRIDE + index // (short + 1)
-    return (index - before) % short * _STRIDE + longer + (index - before) // short
-
-
 @parallel
 def _cast_grid(
     tracer: Tracer, camera: F64, surfaces: I64, present: Present, delta: Delta, wanted: U8, columns: int, grid: F64
@@ -161,7 +151,7 @@ def _cast_grid(
     number of rays."""
     rays, rows = 0, grid.shape[0] // columns
     for index in numba.prange(rows):
-        pair = _spread(np.int64(index), rows)
+        pair = interleaved(np.int64(index), rows, _STRIDE)
         for column in range(columns):
             if _is_wanted(wanted, pair, column, 1):
                 k = pair * columns + column
@@ -234,7 +224,7 @@ def _finish(
     rays = 0
     rows, columns = picture.cb.shape
     for index in numba.prange(rows):
-        pair, hits = _spread(np.int64(index), rows), np.empty((4, _HIT_SIZE))
+        pair, hits = interleaved(np.int64(index), rows, _STRIDE), np.empty((4, _HIT_SIZE))
         _clear(pair, picture)
         for column in range(columns):
             if not _is_wanted(wanted, pair, column, 0):

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...support.array_types import F32, F64, I32
 from ...support.packed import CX, CY
+from ..base.interleave import interleaved
 from ..base.jit import parallel, serial
 from ..base.simd import LANES
 from .records import Bands, DepthBuffer, Rows
@@ -116,9 +117,7 @@ def draw_bands(
     """Draw sorted triangles; `margin`: how much nearer than a drawn surface they must be to win, disparity (1/m)."""
     count, height = bands.counts.shape[1], buffer.disparity.shape[0]
     for task in numba.prange(count):
-        # Neighbouring tasks go to one thread: the bands are interleaved so that each thread gets some of every region.
-        half = (count + 1) // 2
-        band = 2 * task if task < half else 2 * (task - half) + 1
+        band = interleaved(np.int64(task), count, 2)
         rows = (band * bands.rows, min((band + 1) * bands.rows, height) - 1)
         room = np.empty(SET_UP_SIZE + SPECKS_SIZE, np.float32)
         for chunk in range(bands.counts.shape[0]):
